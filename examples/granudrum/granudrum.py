@@ -30,7 +30,7 @@ SHARES = (
 )  # by number
 # By number, of the grains in the published run's own files: too few small ones, so 3.3 % more volume.
 INSERTED = np.array([23, 257, 2173, 2899, 1954, 1209, 790, 421, 214, 60]) / 10_000
-STEP_SHARE = 0.95  # of the longest stable time step
+STEP_FRACTION = 0.95  # of the longest stable time step
 PUBLISHED = {"sliding": 0.561, "rolling": 0.293, "grains": 29_185}
 TURNED_S, AVERAGED_S = 1.5, 0.2  # from rest, as published
 FRAME_S, MM_PER_PIXEL = 0.01, 0.2
@@ -71,7 +71,7 @@ def drum(
         )
 
     longest_s = scene(1e-7).longest_time_step() * scales.min()
-    simulation, sites = scene(STEP_SHARE * longest_s), _sites(1.01 * largest_m)
+    simulation, sites = scene(STEP_FRACTION * longest_s), _sites(1.01 * largest_m)
     while (
         simulation.n_bodies < count
     ):  # what the empty drum has no room for is added over the fallen bed

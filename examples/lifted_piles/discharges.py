@@ -23,7 +23,7 @@ from lifted_piles import (
     OUT,
     POISSON,
     PUBLISHED,
-    STEP_SHARE,
+    STEP_FRACTION,
     TUBE_GAP_M,
     TUBE_LENGTH_M,
     TUBE_PANELS,
@@ -115,7 +115,7 @@ def closed(
         )
 
     scale = sizes_mm.min() / DIAMETERS_MM.max()
-    simulation = empty(STEP_SHARE * scale * empty(1e-7).longest_time_step())
+    simulation = empty(STEP_FRACTION * scale * empty(1e-7).longest_time_step())
     region = (FILLED_M[0], LOWEST_M, FILLED_M[2])
     for size_mm, centre in zip(
         sizes_mm, places_m(5e-4 * sizes_mm, seed, region), strict=True

@@ -24,7 +24,7 @@ from lifted_piles import (
     PUBLISHED,
     ROUNDS,
     SHELL,
-    STEP_SHARE,
+    STEP_FRACTION,
     TRIMMED,
     WINDOW,
     YOUNG_PA,
@@ -121,7 +121,7 @@ def drum(
         )
 
     scale = DIAMETERS_MM.min() / DIAMETERS_MM.max()
-    simulation = empty(STEP_SHARE * scale * empty(1e-7).longest_time_step())
+    simulation = empty(STEP_FRACTION * scale * empty(1e-7).longest_time_step())
     longest = axes_m.max() / (5e-4 * DIAMETERS_MM.max())
     refills = round(FILLED_S / REFILLED_S)
     for refill in range(refills if grain == "sphere" else MOST_REFILLS):

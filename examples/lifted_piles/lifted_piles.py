@@ -58,7 +58,7 @@ LAWS = {
 
 SIDES = (("east", 1, 0), ("west", -1, 0), ("north", 0, 1), ("south", 0, -1))
 EDGE_M = 5e-5  # the tube's lower edge is sharp there; here it is rounded
-STEP_SHARE = 0.95  # of the longest stable time step
+STEP_FRACTION = 0.95  # of the longest stable time step
 LOOK_S = 0.05
 THROWN = 500  # places at once
 
@@ -163,7 +163,7 @@ def filled(
 
     if time_step_s is None:
         scale = sizes_mm.min() / DIAMETERS_MM.max()
-        time_step_s = STEP_SHARE * scale * empty(1e-7).longest_time_step()
+        time_step_s = STEP_FRACTION * scale * empty(1e-7).longest_time_step()
     simulation = empty(time_step_s)
     for size_mm, centre in zip(sizes_mm, places_m(5e-4 * sizes_mm, seed), strict=True):
         simulation.add(

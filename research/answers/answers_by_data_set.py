@@ -46,7 +46,7 @@ from research.comparison.proposals import study_surrogate
 
 CLASSES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0)  # of the stated probability
 PERCENT = (1.0, 2.0)
-FEWEST_SETS = 3
+MIN_SETS = 3
 
 
 def read(folder, names, prefix=""):
@@ -316,7 +316,7 @@ def reliability(table):
             variances = part["stated"] * (1 - part["stated"])
             error = max(error, np.sqrt(variances.sum()) / len(part))
             n_sets = part["set"].nunique()
-            if n_sets < FEWEST_SETS:
+            if n_sets < MIN_SETS:
                 agrees = "few"
             elif abs(difference) <= 2 * error:
                 agrees = "yes"

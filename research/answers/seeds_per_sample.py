@@ -398,9 +398,9 @@ def judge(args, config):
     )
     # data sets with an answer for each number of seeds
     sets = [k for k, answers in found.groupby(level=0) if len(answers) == len(SEEDS)]
-    if len(sets) < seeds_rule.FEWEST_SETS:
+    if len(sets) < seeds_rule.MIN_SETS:
         allowed = (
-            f"at least {seeds_rule.FEWEST_SETS} with an answer of each of {SEEDS} seeds"
+            f"at least {seeds_rule.MIN_SETS} with an answer of each of {SEEDS} seeds"
         )
         raise InputError(args.answers, "data sets", len(sets), allowed)
     found = found.loc[[(k, seeds) for k in sets for seeds in SEEDS]]

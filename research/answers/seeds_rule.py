@@ -40,7 +40,7 @@ LIMITS = {
 LEVEL = 0.95
 RESAMPLINGS = 4000
 SECOND_ORDER = 0.14  # see `in_common`
-FEWEST_SETS = 8
+MIN_SETS = 8
 
 
 def choose(upper: Mapping[int, Mapping[str, float]]) -> int:

@@ -99,7 +99,7 @@ def second(args, config):
     settings |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
     targets, space, data = _over_design(args, config)
     settings["discrepancies"] = dict(
-        _share(share, data.known) for share in args.discrepancy
+        _fraction(share, data.known) for share in args.discrepancy
     )
     return second_responses.run(data, targets, space, settings, args.out)
 
@@ -149,7 +149,7 @@ def _over_design(args, config):
     )
 
 
-def _share(entry, known):
+def _fraction(entry, known):
     """Read the discrepancy of one response, by its name; InputError for another response or number."""
     name, _, text = entry.partition("=")
     if name not in known:

@@ -285,7 +285,7 @@ def test_cells_of_one_study_are_read_together_though_their_settings_differ(
         )
     first, second = (attached.read_record(path) for path in paths)
     assert first["origin"] != second["origin"]
-    provenance.refuse_mixture(zip(paths, (first, second), strict=True))
+    provenance.reject_mixture(zip(paths, (first, second), strict=True))
 
 
 # --- a whole study on made-up pours ----------------------------------------------------------------

@@ -74,7 +74,7 @@ def test_any_other_text_is_refused_with_the_form(text, words):
 
 
 def test_the_allowed_share_and_the_marginals_are_those_of_the_area():
-    assert SPACE.allowed_share == pytest.approx(SHARE, abs=2e-3)
+    assert SPACE.allowed_fraction == pytest.approx(SHARE, abs=2e-3)
     unit = np.random.default_rng(1).random((1000, 2))
     values = SPACE.values(unit)
     is_allowed = values[:, 0] <= 0.5 * values[:, 1]
@@ -93,7 +93,7 @@ def test_the_allowed_share_and_the_marginals_are_those_of_the_area():
 def test_without_constraints_nothing_changes():
     free = ParameterSpace.of(PARAMETERS)
     unit = np.random.default_rng(1).random((20, 2))
-    assert free.allowed_share == 1.0
+    assert free.allowed_fraction == 1.0
     assert free.is_allowed(unit).all()
     assert (free.marginal_cdf(unit) == free.prior_cdf(unit)).all()
     assert (make_points_in_space(free, 12, "optimal", 3) == optimal_lhs(12, 2, 3)).all()

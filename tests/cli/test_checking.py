@@ -35,7 +35,7 @@ def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time():
 def test_the_advised_step_has_two_digits_and_is_allowed(longest_s):
     step = computed.advise_time_step_s(longest_s)
     assert step == float(f"{step:.2g}")
-    assert 0.7 * longest_s < step <= computed.STEP_SHARE * longest_s * (1 + 1e-12)
+    assert 0.7 * longest_s < step <= computed.STEP_FRACTION * longest_s * (1 + 1e-12)
 
 
 def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
@@ -50,7 +50,7 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
     monkeypatch.setattr("repose.bench.funnel.FunnelTest.pour", pour)
     # all of the time is its own
     monkeypatch.setattr(time, "process_time", time.perf_counter)
-    grains = cost.FEWEST_TIMED_GRAINS
+    grains = cost.MIN_TIMED_GRAINS
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
     ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))
     simulation = {

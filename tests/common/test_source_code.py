@@ -127,7 +127,7 @@ def test_the_caption_of_a_figure_changes_nothing_and_its_inputs_do(package):
 
 def test_old_summaries_are_dropped(package):
     store = package.parent / "cache/repose/source_code.json"
-    most = source_code.MOST_SUMMARIES
+    most = source_code.MAX_SUMMARIES
     store.write_text(json.dumps({f"old {number}": {} for number in range(most)}))
     (package / "probe.py").write_text("NUMBER = 1\n")
     hashes(package, "probe")

@@ -20,7 +20,7 @@ SHIPPED = sorted(
 )
 LONGEST_LINE = 150  # without a warning or a hint
 NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?")
-MOST_DIGITS = 4
+MAX_SIGNIFICANT_DIGITS = 4
 PLAIN = (0.001, 100_000)
 
 
@@ -31,7 +31,7 @@ def bad_numbers(line):
         mantissa, _, exponent = text.partition("e")
         digits = mantissa.replace(".", "").strip("0")
         is_plain = PLAIN[0] <= float(text) < PLAIN[1]
-        if len(digits) > MOST_DIGITS or (exponent and is_plain):
+        if len(digits) > MAX_SIGNIFICANT_DIGITS or (exponent and is_plain):
             bad.append(text)
     return bad
 

@@ -29,7 +29,7 @@ from repose.export.lammps import (
     write_contact_law,
 )
 from repose.export.laws import compute_rolling_coefficient
-from repose.export.liggghts import LEAST_RESTITUTION, find_prime
+from repose.export.liggghts import MIN_RESTITUTION, find_prime
 from repose.stages import card_study
 
 DECK = {
@@ -313,10 +313,10 @@ def test_the_equivalent_restitution_gives_the_calibrated_rebound(
 def test_a_damping_that_liggghts_cannot_take_is_reported(job):
     strong = replace(job, grains=replace(job.grains, damping_ratio=1.2))
     assert (
-        laws.compute_equivalent_restitution(strong.grains, LEAST_RESTITUTION)
-        == LEAST_RESTITUTION
+        laws.compute_equivalent_restitution(strong.grains, MIN_RESTITUTION)
+        == MIN_RESTITUTION
     )
-    assert LEAST_RESTITUTION > 0.05  # the program asks for more than that
+    assert MIN_RESTITUTION > 0.05  # the program asks for more than that
     assert (
         "stronger than coefficientRestitution"
         in export.PROGRAMS["liggghts"](strong)["in.pour"]

@@ -42,7 +42,7 @@ PARTICLES = {
 }
 # Lowest and highest value of each kind of parameter.
 RANGES = {"e": (0.02, 1.0), "mus": (0.0, 1.5), "mur": (0.0, 1.0), "mut": (0.0, 1.0)}
-MOST_STEPS = 40_000  # most pours; MANY_SHARE of them have MANY berries and as many steps as they need
+MAX_STEPS = 40_000  # most pours; MANY_SHARE of them have MANY berries and as many steps as they need
 FALLS = 40  # time of a pour, over that of a fall by a berry's length
 MANY = 300
 MANY_SHARE = 0.01
@@ -182,10 +182,10 @@ def drawn(number, default, mean, particles):
     step_s = share * limit.time_step_s
     config["simulation"]["time_step_s"] = step_s
     many = bool(rng.random() < MANY_SHARE)
-    # of a fall by a berry's length; gravity may rise to 100 m/s2, so that a pour ends within MOST_STEPS
+    # of a fall by a berry's length; gravity may rise to 100 m/s2, so that a pour ends within MAX_STEPS
     falls = 120 if many else FALLS
     tau_s = math.sqrt(2e-3 * long_mm / 9.81)
-    room_s = MOST_STEPS * step_s
+    room_s = MAX_STEPS * step_s
     gravity = 9.81 * min(10.0, max(1.0, (falls * tau_s / room_s) ** 2))
     tau_s *= math.sqrt(9.81 / gravity)
     span_s = falls * tau_s if many else min(falls * tau_s, room_s)

@@ -1,8 +1,8 @@
 """The bench tests, each a module that is registered by name, and their common parts.
 
 The import of this package registers all bench tests and their responses. It imports
-neither the kernels of the engine nor the measurement of pictures. These are imported when
-a bench test runs.
+neither the kernels of the engine nor the measurement of pictures. These are imported
+when a bench test runs.
 """
 
 # Each import registers a bench test. The order of the imports is that of all lists.

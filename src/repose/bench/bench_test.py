@@ -43,8 +43,8 @@ class Run:
         Arrays by name, for the measurement.
     frames : dict or None
         Frames of a film: ``time_s`` (T,), ``position`` (T, N, 3) [m], ``quaternion``
-        (T, N, 4), ``scale`` (N,) and further arrays of the bench test. None if no frames
-        were requested.
+        (T, N, 4), ``scale`` (N,) and further arrays of the bench test. None if no
+        frames were requested.
     """
 
     record: dict[str, Any]
@@ -141,8 +141,8 @@ class BenchTest(ABC, Generic[S]):
         Status of a run that has no number for a target, by the response; by default
         ``no_flank``.
     measured_by : tuple of str
-        Keys of the section that only `measure` reads. If one of them changes, no new run
-        is needed.
+        Keys of the section that only `measure` reads. If one of them changes, no new
+        run is needed.
     required_arrays : tuple of str
         Arrays that every saved run must have.
     summary : str
@@ -254,8 +254,8 @@ class BenchTest(ABC, Generic[S]):
         Returns
         -------
         Run
-            The run. Its record has seed, status, reason and the numbers. An overlap above
-            `NOTED_OVERLAP` is recorded as ``overlap_share``.
+            The run. Its record has seed, status, reason and the numbers. An overlap
+            above `NOTED_OVERLAP` is recorded as ``overlap_share``.
         """
         verdict = self.status_of(outcome, scene.settings)
         record: dict[str, Any] = {

@@ -12,15 +12,15 @@ from repose.common.numbers import format_significant
 if TYPE_CHECKING:
     from repose import dem
 
-# Largest speed of a grain over that of the deepest fall. A small grain that is struck by
-# large ones becomes faster than they are.
+# Largest speed of a grain over that of the deepest fall. A small grain that is struck
+# by large ones becomes faster than they are.
 SPEED_LIMIT = 3.0
-# Largest gain of energy over the energy that was given. Impacts of smooth bodies without
-# friction may return more energy than they received, see docs/verification.md.
+# Largest gain of energy over the energy that was given. Impacts of smooth bodies
+# without friction may return more energy than they received, see docs/verification.md.
 ENERGY_TOLERANCE = 0.1
 # Largest overlap over the smallest extent of a grain.
 OVERLAP_LIMIT = 0.5
-# The record of a run notes an overlap above this share, because the contact laws are
+# The record of a run notes an overlap above this fraction, because the contact laws are
 # made for small overlaps.
 NOTED_OVERLAP = 0.1
 # Time steps between two checks of the speeds.
@@ -86,7 +86,8 @@ class Bounded:
         Parameters
         ----------
         top_m : float
-            Largest z at which a grain is added [m]. It replaces the upper end of the box.
+            Largest z at which a grain is added [m]. It replaces the upper end of the
+            box.
 
         Returns
         -------
@@ -144,7 +145,8 @@ class Bounded:
             try:
                 simulation.run_steps(next_stop - simulation.steps)
             except RuntimeError as error:
-                # The engine raises this error for a contact whose force is not a number.
+                # The engine raises this error for a contact whose force is not a
+                # number.
                 raise Unstable(
                     f"{error}, {self._describe_time()}: {self._describe_remedy()}"
                 ) from None
@@ -239,8 +241,8 @@ class Bounded:
     def _check_overlaps(self) -> None:
         """Check that no grain passes through another one or through a wall.
 
-        The check sets `overlap_share` to the largest overlap of all contacts, as a share
-        of the thickness of the grain.
+        The check sets `overlap_share` to the largest overlap of all contacts, as a
+        fraction of the thickness of the grain.
 
         Raises
         ------
@@ -275,7 +277,7 @@ class Bounded:
     def compute_overlap_shares(
         self, overlaps: np.ndarray, scales: np.ndarray
     ) -> np.ndarray:
-        """Compute overlaps as shares of the smallest extents of their grains.
+        """Compute overlaps as fractions of the smallest extents of their grains.
 
         Parameters
         ----------
@@ -287,7 +289,7 @@ class Bounded:
         Returns
         -------
         array
-            The shares (M,).
+            The fractions (M,).
         """
         return overlaps / scales / self.thickness_m
 
@@ -296,8 +298,8 @@ class Bounded:
     ) -> int | None:
         """Find the deepest overlap if it is too deep for a contact.
 
-        The attribute `overlap_share` becomes the share of the deepest overlap if that
-        is larger than its present value.
+        The attribute `overlap_share` becomes the fraction of the deepest overlap if
+        that is larger than its present value.
 
         Parameters
         ----------

@@ -1,20 +1,21 @@
 """The measuring cylinder: bulk density of the grains that fill it to the rim.
 
 Vessel and pouring follow the small container of ISO 17828: 5 litres, 167 mm wide and
-228 mm high; the grains are poured from 200 to 300 mm above the rim and struck off level.
-The wall continues above the rim as a collar, so that no grain misses the cylinder.
-When the grains rest, those above the rim are struck off. Then the cylinder may be tapped:
-it falls from a height, and its grains leave the floor with the speed of that fall.
+228 mm high; the grains are poured from 200 to 300 mm above the rim and struck off
+level. The wall continues above the rim as a collar, so that no grain misses the
+cylinder. When the grains rest, those above the rim are struck off. Then the cylinder
+may be tapped: it falls from a height, and its grains leave the floor with the speed of
+that fall.
 
 A grain belongs to the cylinder if its centre lies below the rim. On average, the volume
-that protrudes above the rim replaces the volume that is missing below it. So the density
-does not depend on the shape of the grains.
+that protrudes above the rim replaces the volume that is missing below it. So the
+density does not depend on the shape of the grains.
 
 The core keeps a distance of `core_margin_mm` from wall, floor and rim, because grains
 pack more loosely near them than in the middle. Near a boundary, grains also lie in
 layers. If whole grains were counted, a layer whose centres lie just inside the core
-would count too much. Therefore each grain counts by the share of its volume that lies
-in the core.
+would count too much. Therefore each grain counts by the fraction of its volume that
+lies in the core.
 """
 
 import math
@@ -50,12 +51,12 @@ if TYPE_CHECKING:
 NAME = "cylinder"
 # Default height of the fall in a tap.
 TAP_MM = 3.0
-# Time after a tap in which the grains come to rest, in units of `GrainScale.time_s`. The
-# second constant is this time for a grain of 14 mm. It is used to estimate the cost of
-# a run before the grain is known.
+# Time after a tap in which the grains come to rest, in units of `GrainScale.time_s`.
+# The second constant is this time for a grain of 14 mm. It is used to estimate the cost
+# of a run before the grain is known.
 TAP_REST_TIMES = 10.8
 TYPICAL_TAP_REST_S = 0.4
-# Largest number of points in a body that estimate the share of a grain in the core.
+# Largest number of points in a body that estimate the fraction of a grain in the core.
 MOST_POINTS = 1000
 # Number of directions in which the extent of a convex body is compared with a point.
 N_DIRECTIONS = 1000
@@ -190,7 +191,7 @@ class Vessel:
         masses_kg : array
             Masses (N,) of the grains.
         shares : array
-            The share (N,) of each grain that counts, from 0 to 1.
+            The fraction (N,) of each grain that counts, from 0 to 1.
         margin_m : float, optional
             Distance of the core from wall, floor and rim; 0 for the whole cylinder.
         """
@@ -211,17 +212,17 @@ class Vessel:
     def compute_core_shares(
         self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float
     ) -> np.ndarray:
-        """Estimate the share of each grain's volume that lies in the core.
+        """Estimate the fraction of each grain's volume that lies in the core.
 
-        The estimate is the share of up to `MOST_POINTS` points of the body that lie in
-        the core. Its root mean square error is 0.003 for a grain that the boundary of
-        the core cuts. The relative error of the core's density is below 1e-3.
+        The estimate is the fraction of up to `MOST_POINTS` points of the body that lie
+        in the core. Its root mean square error is 0.003 for a grain that the boundary
+        of the core cuts. The relative error of the core's density is below 1e-3.
 
         Parameters
         ----------
         arrays : mapping
-            Arrays of a run: ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale``
-            (N,).
+            Arrays of a run: ``position`` (N, 3) [m], ``quaternion`` (N, 4) and
+            ``scale`` (N,).
         particle : Particle
             Body of the grains.
         margin_m : float
@@ -265,11 +266,11 @@ def spread_points(particle: "Particle") -> np.ndarray:
     array
         Points (P, 3) [m] in the frame of the body, with P up to `MOST_POINTS`.
     """
-    # A Kronecker sequence takes equal steps along each axis. Its fractional parts fill the
-    # unit cube evenly if the steps are these powers of the root.
+    # A Kronecker sequence takes equal steps along each axis. Its fractional parts fill
+    # the unit cube evenly if the steps are these powers of the root.
     steps = KRONECKER_ROOT ** -np.arange(1.0, 4.0)
-    # Make four times as many points as needed, so that a body which fills only a quarter
-    # of its box still gets enough of them.
+    # Make four times as many points as needed, so that a body which fills only a
+    # quarter of its box still gets enough of them.
     point_numbers = np.arange(1.0, 4 * MOST_POINTS)
     unit_cube_points = np.outer(point_numbers, steps) % 1.0
 
@@ -297,8 +298,8 @@ def _mark_points_in_spheres(points: np.ndarray, spheres_m: np.ndarray) -> np.nda
 def _mark_points_in_convex_body(points: np.ndarray, particle: "Particle") -> np.ndarray:
     """Mark the points (N, 3) that lie in a convex body.
 
-    A point counts as inside if its distance from the origin along each of `N_DIRECTIONS`
-    directions is below the extent of the body in that direction.
+    A point counts as inside if its distance from the origin along each of
+    `N_DIRECTIONS` directions is below the extent of the body in that direction.
     """
     # The directions lie on a spiral over the unit sphere, which covers it evenly. The
     # azimuth grows by the golden angle from each direction to the next.
@@ -317,10 +318,10 @@ def _mark_points_in_convex_body(points: np.ndarray, particle: "Particle") -> np.
 def tap(trial: Trial, height_m: float) -> None:
     """Simulate a tap: the cylinder falls from a height, and the grains come to rest.
 
-    In the frame of the cylinder, the stop at the end of the fall throws the grains up to
-    the height of the fall. To simulate this, gravity is changed for a single time step,
-    in which it gives all grains the upward speed of the fall. The trial is advanced in
-    place.
+    In the frame of the cylinder, the stop at the end of the fall throws the grains up
+    to the height of the fall. To simulate this, gravity is changed for a single time
+    step, in which it gives all grains the upward speed of the fall. The trial is
+    advanced in place.
 
     Parameters
     ----------
@@ -469,8 +470,8 @@ class CylinderTest(BenchTest[CylinderSettings]):
         scene : Scene
             The settings of the cylinder.
         largest_radius_m : float
-            Bounding radius of the largest grain. New grains must fit below the upper end
-            of the wall.
+            Bounding radius of the largest grain. New grains must fit below the upper
+            end of the wall.
 
         Returns
         -------
@@ -551,7 +552,8 @@ class CylinderTest(BenchTest[CylinderSettings]):
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        # Grains appear at the upper end of the collar, where no new grain touches the wall.
+        # Grains appear at the upper end of the collar, where no new grain touches the
+        # wall.
         area = Disc(vessel.radius_m - trial.largest_radius_m, vessel.top_m)
         factory = Factory(
             area, section.berries, section.rate_per_s, speed_m_s=section.speed_m_s
@@ -575,7 +577,8 @@ class CylinderTest(BenchTest[CylinderSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: a lost grain, motion, or a cylinder that is not full.
+            `OK`, or the first fault: a lost grain, motion, or a cylinder that is not
+            full.
         """
         section = self.section(settings)
         vessel = Vessel.of(section)
@@ -597,8 +600,8 @@ class CylinderTest(BenchTest[CylinderSettings]):
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the bulk density in the cylinder, in its core, and after the taps.
 
-        For the cylinder, a grain counts if its centre lies inside. For the core, which is
-        small, a grain counts by the share of its volume that lies inside.
+        For the cylinder, a grain counts if its centre lies inside. For the core, which
+        is small, a grain counts by the fraction of its volume that lies inside.
 
         Parameters
         ----------

@@ -32,8 +32,8 @@ NAME = "discharge"
 LID_SPEED_M_S = 3.0
 # A grain below this height is removed from the simulation.
 FLOOR_M = -0.1
-# The rate is measured between the times at which these shares of the mass have left the
-# funnel.
+# The rate is measured between the times at which these fractions of the mass have left
+# the funnel.
 FIRST_MASS_SHARE = 0.2
 LAST_MASS_SHARE = 0.8
 
@@ -171,8 +171,9 @@ def compute_mass_flow_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     Returns
     -------
     float
-        The mean flow [kg/s] between the times at which the shares `FIRST_MASS_SHARE` and
-        `LAST_MASS_SHARE` of the mass have left. It is NaN if both times are the same.
+        The mean flow [kg/s] between the times at which the fractions `FIRST_MASS_SHARE`
+        and `LAST_MASS_SHARE` of the mass have left. It is NaN if both times are the
+        same.
     """
     order = np.argsort(exit_s, kind="stable")
     sorted_exit_s = exit_s[order]
@@ -321,8 +322,8 @@ class DischargeTest(BenchTest[DischargeSettings]):
             The funnel when its lid was removed.
         """
         simulation = trial.simulation
-        # Exit times count from the opening. Grains that left before it have a negative time.
-        # The time of grains that did not leave is not finite.
+        # Exit times count from the opening. Grains that left before it have a negative
+        # time. The time of grains that did not leave is not finite.
         exit_s = simulation.exit_times_s - opening.time_s
         has_left = np.isfinite(exit_s)
         outcome = Discharge(

@@ -199,9 +199,9 @@ class Box:
     ) -> "dict[str, dem.Plane | dem.Mesh]":
         """Make all walls of the box by name, with the gate closed.
 
-        The floor, the front, the back and both sides of the lower chamber are planes. The
-        upper chamber has the same front and back. Its side walls, the two halves of its
-        floor beside the slot, and the gate are blocks with rounded edges.
+        The floor, the front, the back and both sides of the lower chamber are planes.
+        The upper chamber has the same front and back. Its side walls, the two halves of
+        its floor beside the slot, and the gate are blocks with rounded edges.
 
         Parameters
         ----------
@@ -459,8 +459,8 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         scene : Scene
             The settings of the box.
         largest_radius_m : float
-            Bounding radius of the largest grain. New grains must fit below the upper end
-            of the walls.
+            Bounding radius of the largest grain. New grains must fit below the upper
+            end of the walls.
         """
         section = self.section(scene.settings)
         box = Box.of(section)
@@ -538,8 +538,8 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: grains without room, lost grains, motion, or grains
-            that rest above the slot.
+            `OK`, or the first fault: grains without room, lost grains, motion, or
+            grains that rest above the slot.
         """
         section = self.section(settings)
         if outcome.n_filled < section.berries:

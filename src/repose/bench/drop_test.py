@@ -125,7 +125,8 @@ class _GrainTracker:
     Attributes
     ----------
     overlap_share : float
-        Largest overlap of grain and plate so far, over the smallest extent of the grain.
+        Largest overlap of grain and plate so far, over the smallest extent of the
+        grain.
     """
 
     def __init__(self, trial: Trial) -> None:
@@ -188,13 +189,14 @@ class _GrainTracker:
         """Choose the number of time steps until the next check of the flying grain.
 
         The stride lasts for half of the time until the bounding sphere of the grain
-        reaches the plate, but at most for `longest_stride_s`. It is one time step if the
-        sphere already reaches the plate.
+        reaches the plate, but at most for `longest_stride_s`. It is one time step if
+        the sphere already reaches the plate.
         """
         gap_m = self.simulation.positions[0, 2] - self.bounding_radius_m
         if not gap_m > 0.0:
             return 1
-        # The sphere reaches the plate at the time t with gap + up_speed t - g t^2 / 2 = 0.
+        # The sphere reaches the plate at the time t with gap + up_speed t - g t^2 / 2 =
+        # 0.
         gravity = self.simulation_settings.gravity_m_s2
         up_speed = self.simulation.velocities[0, 2]
         impact_speed = math.sqrt(up_speed**2 + 2.0 * gravity * gap_m)

@@ -179,8 +179,8 @@ class RotatingDrum(BenchTest[R]):
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the drum as arguments of `repose.dem.Simulation`.
 
-        The middle of the drum is the origin. The size of the drum does not depend on the
-        grains, so `largest_radius_m` has no effect.
+        The middle of the drum is the origin. The size of the drum does not depend on
+        the grains, so `largest_radius_m` has no effect.
         """
         section = self.section(scene.settings)
         drum = Drum.of(section)
@@ -287,7 +287,8 @@ class RotatingDrum(BenchTest[R]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: a grain outside the drum, or grains without a place.
+            `OK`, or the first fault: a grain outside the drum, or grains without a
+            place.
         """
         if not outcome.all_inside:
             return Verdict("lost", "a grain is outside the drum")

@@ -119,8 +119,8 @@ def find_free_point(
     array or None
         The point (3,) [m]; None if no point is free.
     """
-    # Grains whose centres are farther apart than this distance cannot touch. Only grains
-    # that are not this far below the area can touch a new grain.
+    # Grains whose centres are farther apart than this distance cannot touch. Only
+    # grains that are not this far below the area can touch a new grain.
     contact_distance = 2.0 * simulation.radius
     positions = simulation.positions
     is_high = positions[:, 2] > area.height_m - contact_distance

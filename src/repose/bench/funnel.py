@@ -34,10 +34,10 @@ from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
 from repose.measure.clusters import largest_cluster
 
 NAME = "funnel"
-# Largest share of the grains that may roll over the edge of the plate.
+# Largest fraction of the grains that may roll over the edge of the plate.
 LARGEST_LOSS = 0.1
-# A pile must contain at least this share of the grains on the plate. In 2810 pours of
-# the article's study and ours, the share was 0.86 or more.
+# A pile must contain at least this fraction of the grains on the plate. In 2810 pours
+# of the article's study and ours, the fraction was 0.86 or more.
 SMALLEST_PILE = 0.5
 FEWEST_IN_PILE = 10
 # Share of the volume of a poured pile that its grains fill.
@@ -47,7 +47,7 @@ FLOOR_M = -0.05
 # Number of checks for rest within the time `rest_window_s`.
 CHECKS_PER_WINDOW = 4
 # Largest distance that a grain at rest would move in another window at its present
-# speed, as a share of `rest_motion_mm`.
+# speed, as a fraction of `rest_motion_mm`.
 STANDSTILL_SHARE = 0.01
 # Advice for a pour whose pile is still moving at the end.
 MORE_TIME_ADVICE = "give the grains more time by funnel.duration_s"
@@ -611,8 +611,8 @@ class FunnelTest(BenchTest[FunnelSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first of these faults: grains in the funnel, too many grains off
-            the plate, grains in motion, no pile.
+            `OK`, or the first of these faults: grains in the funnel, too many grains
+            off the plate, grains in motion, no pile.
         """
         section = self.section(settings)
         n_grains = section.berries
@@ -738,8 +738,8 @@ class FunnelTest(BenchTest[FunnelSettings]):
         computed_targets = [target for target in targets if target.computed_from]
         extra_names = _list_extra_numbers(targets, record)
 
-        # The order of the keys is that of the columns in a table: first the verdict, then
-        # the responses, then the other numbers.
+        # The order of the keys is that of the columns in a table: first the verdict,
+        # then the responses, then the other numbers.
         verdict = {key: record[key] for key in ("seed", "status", "reason")}
         responses: dict[str, Any] = dict.fromkeys((*BASIC_NUMBERS, *extra_names))
         for target in computed_targets:

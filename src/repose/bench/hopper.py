@@ -18,8 +18,8 @@ class ConeLine(NamedTuple):
     """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it.
 
     The line consists of the points (r, z) with normal . (r, z) = offset. The place of a
-    point is its distance along the line from the point nearest to the origin, positive in
-    the direction `up`. All lengths are in m.
+    point is its distance along the line from the point nearest to the origin, positive
+    in the direction `up`. All lengths are in m.
     """
 
     normal_r: float  # unit vector from the inside into the wall

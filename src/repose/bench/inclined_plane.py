@@ -44,15 +44,15 @@ REST_CHECK_TIMES = 0.27
 TILT_CHECK_TIMES = 0.135
 # Fewest checks of a mean grain while the plane tilts.
 FEWEST_CHECKS = 100
-# A body has moved when its centre is displaced by this share of its shortest axis.
+# A body has moved when its centre is displaced by this fraction of its shortest axis.
 MOVED_SHARE = 0.25
 # `fit_onset_angle_deg` fits its line to square roots of speeds. A root is too small for
-# the line if it is below this share of the last root.
+# the line if it is below this fraction of the last root.
 SMALLEST_ROOT_SHARE = 0.3
 # Fewest speeds from the last one whose root is too small (included) to the end.
 FEWEST_SPEEDS = 3
-# A grain slides instead of rolling if its lowest point is faster than this share of its
-# speed.
+# A grain slides instead of rolling if its lowest point is faster than this fraction of
+# its speed.
 SLIDING_SHARE = 0.5
 # Distance between the grains of a glued layer, over that at which they touch. It is a
 # little larger than 1, since grains that just touch could overlap by rounding errors.
@@ -146,8 +146,8 @@ def make_layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
     Returns
     -------
     Layer
-        Centres and orientation of the grains, and half of their thickness as the depth of
-        the plane.
+        Centres and orientation of the grains, and half of their thickness as the depth
+        of the plane.
     """
     from scipy.spatial.transform import Rotation
 
@@ -309,7 +309,8 @@ def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
         The section `inclined_plane` of the configuration.
     """
     simulation_settings = trial.scene.simulation
-    # The top of a glued layer lies above the centres by half of the thickness of a grain.
+    # The top of a glued layer lies above the centres by half of the thickness of a
+    # grain.
     height_m = 0.0
     if section.surface == "glued":
         half_extents = trial.scene.particle.dem_shape("berry").half_extents_m
@@ -337,7 +338,8 @@ def _is_at_rest(trial: Trial) -> bool:
 def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
     """Tilt the plane until the grain has moved or the steepest angle is reached.
 
-    The plane of the simulation stays level. The direction of gravity is rotated instead.
+    The plane of the simulation stays level. The direction of gravity is rotated
+    instead.
 
     Parameters
     ----------
@@ -453,7 +455,8 @@ def make_tilted_frames(
         The rotated frames, with the angles ``tilt_deg`` (T,) of the plane.
     """
     time_s = np.asarray(frames["time_s"])
-    # The plane is level at first. Then it tilts at a constant rate up to the last frame.
+    # The plane is level at first. Then it tilts at a constant rate up to the last
+    # frame.
     time_from_end_s = time_s - time_s.max(initial=0.0)
     tilt_deg = last_deg + section.tilting_deg_s * time_from_end_s
     tilt_deg = np.maximum(tilt_deg, 0.0)
@@ -640,8 +643,8 @@ def _add_to_outcome(
     Returns
     -------
     Tilting
-        The outcome of this body alone if its trial has a fault. Otherwise the outcome of
-        all bodies, with the largest of their overlaps.
+        The outcome of this body alone if its trial has a fault. Otherwise the outcome
+        of all bodies, with the largest of their overlaps.
     """
     if trial.broken:
         return Tilting(

@@ -309,8 +309,8 @@ def _judge_filling(outcome: Lifting, section: LiftedCylinderSettings) -> Verdict
     outcome : Lifting
         The numbers of the run.
     section : LiftedCylinderSettings
-        The section `lifted_cylinder` of the configuration. It gives either the number or
-        the level.
+        The section `lifted_cylinder` of the configuration. It gives either the number
+        or the level.
 
     Returns
     -------
@@ -440,8 +440,8 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Returns
         -------
         dict
-            Capacity in grains, walls by name, lower and upper corner of the box, and the
-            height below which a grain vanishes.
+            Capacity in grains, walls by name, lower and upper corner of the box, and
+            the height below which a grain vanishes.
         """
         section = self.section(scene.settings)
         radius = 1e-3 * (0.5 * section.diameter_mm)
@@ -450,13 +450,13 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         plate_radius = 1e-3 * (0.5 * section.plate_diameter_mm)
         up = (0.0, 0.0, 1.0)
         plate = dem.Plane((0.0, 0.0, 0.0), up, "wall", plate_radius)
-        # The wall of the tube begins above its rim. It is longer than configured, so that
-        # grains that appear at the upper end of the tube stay inside.
+        # The wall of the tube begins above its rim. It is longer than configured, so
+        # that grains that appear at the upper end of the tube stay inside.
         wall_foot = (0.0, 0.0, rim_radius)
         wall_height = length + 2.0 * largest_radius_m
         tube = dem.Cylinder(wall_foot, up, wall_height, radius, "wall")
-        # The rim is rounded and touches the plate. In the half plane (r, z), the wall of
-        # the tube continues above the rim, and nothing continues below it.
+        # The rim is rounded and touches the plate. In the half plane (r, z), the wall
+        # of the tube continues above the rim, and nothing continues below it.
         wall_above = (0.0, 1.0)
         no_wall = (0.0, 0.0)
         rim = dem.RingEdge(
@@ -499,7 +499,8 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         trial = Trial(self.build, scene, capacity, interval_s, progress)
         tube = _Tube(trial, section)
         length_m = 1e-3 * section.length_mm
-        # Grains appear at the upper end of the tube, where no new grain touches its wall.
+        # Grains appear at the upper end of the tube, where no new grain touches its
+        # wall.
         area = Disc(
             0.5e-3 * section.diameter_mm - trial.largest_radius_m,
             length_m + trial.largest_radius_m,
@@ -539,8 +540,8 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: a wrong filling, grains in the tube, too many grains
-            off the plate, motion, or no pile.
+            `OK`, or the first fault: a wrong filling, grains in the tube, too many
+            grains off the plate, motion, or no pile.
         """
         section = self.section(settings)
         filling_verdict = _judge_filling(outcome, section)
@@ -588,8 +589,8 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Returns
         -------
         dict
-            The responses. A response that cannot be measured is None. If the response is
-            a target, there are also ``status`` and ``reason``.
+            The responses. A response that cannot be measured is None. If the response
+            is a target, there are also ``status`` and ``reason``.
         """
         from repose.measure.saved_piles import pile_responses
 

@@ -150,8 +150,8 @@ def parameters_among(names: Iterable[str]) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        The six parameters of every study, even if `names` lacks them, and the parameters
-        of force laws that are among the names.
+        The six parameters of every study, even if `names` lacks them, and the
+        parameters of force laws that are among the names.
     """
     known_names = set(names)
     law_names = (name for name in LAW_PARAMETERS if name in known_names)

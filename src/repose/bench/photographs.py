@@ -60,10 +60,11 @@ POINTS = {
 # Three points count as collinear if twice the area of their triangle [px2] is below
 # this.
 COLLINEAR_AREA = 1e-6
-# The bed is searched for within this share of the drum's radius, which leaves out the
-# rim and its colours.
+# The bed is searched for within this fraction of the drum's radius, which leaves out
+# the rim and its colours.
 INNER_SHARE = 0.97
-# The drum is assumed to be empty higher above its axis than this share of its radius.
+# The drum is assumed to be empty higher above its axis than this fraction of its
+# radius.
 EMPTY_SHARE = 0.6
 # Share of a chamber's half width that is left out at a wall.
 MARGIN_SHARE = 0.02
@@ -76,8 +77,8 @@ LONGEST_SIDE_PX = 1600
 SMALLEST_SIDE_PX = 100
 # Lines are drawn one pixel thick for every so many pixels of the picture's side.
 PIXELS_PER_THICKNESS = 400
-# Positions, in radii of the drum, at which a profile is read. They leave out the ends of
-# the surface, where it meets the wall.
+# Positions, in radii of the drum, at which a profile is read. They leave out the ends
+# of the surface, where it meets the wall.
 PROFILE_POSITIONS = np.arange(-0.8, 0.81, 0.05)
 
 
@@ -284,7 +285,8 @@ def _draw_surface(
     Returns
     -------
     array
-        The picture with the drawing. It may be the given picture, which is then changed.
+        The picture with the drawing. It may be the given picture, which is then
+        changed.
     """
     canvas = np.ascontiguousarray(picture)
     thickness_px = max(1, len(canvas) // PIXELS_PER_THICKNESS)
@@ -348,7 +350,8 @@ def _find_bed(picture: np.ndarray) -> np.ndarray:
     colours = smooth.astype(np.float32).reshape(size, size, -1)
     background = np.median(colours[is_empty], axis=0)
     contrast = np.linalg.norm(colours - background, axis=-1)
-    # A threshold of the contrast divides the pixels of the drum into background and bed.
+    # A threshold of the contrast divides the pixels of the drum into background and
+    # bed.
     bed_contrast, _ = threshold(contrast[is_inside][:, np.newaxis])
     is_bed = (contrast > bed_contrast) & is_inside
     return pile_component(is_bed.astype(np.uint8), True)
@@ -691,7 +694,8 @@ def find_median_profile(
 ) -> pd.DataFrame:
     """Find the median surface of the bed in photographs of a drum.
 
-    Points below this surface are covered by the bed in at least half of the photographs.
+    Points below this surface are covered by the bed in at least half of the
+    photographs.
 
     Parameters
     ----------
@@ -719,7 +723,8 @@ def find_median_profile(
         cv2.resize(mask, (width_px, height_px), interpolation=cv2.INTER_NEAREST) > 0
         for mask in masks
     ]
-    # For each pixel, compute the share of the photographs in which the bed covers it.
+    # For each pixel, compute the fraction of the photographs in which the bed covers
+    # it.
     covered_share = np.mean(resized_masks, axis=0)
     x_m = PROFILE_POSITIONS * radius_m
     z_m = bed.surface_heights(covered_share, 0.5, x_m, radius_m, mm_per_pixel)

@@ -27,7 +27,7 @@ TABLE_CSV = Path(__file__).with_name("line_slopes.csv")
 # Full axes and number of the grains in each pile of the table.
 TABLE_GRAIN_MM = (21.14, 11.37, 9.88)
 TABLE_N_GRAINS = 500
-# Estimate of the largest share of a pile that its grains fill: that of the densest
+# Estimate of the largest fraction of a pile that its grains fill: that of the densest
 # lattice of equal balls. Shaken ellipsoids reach 0.735 (Donev et al. 2004, Science 303,
 # 990). Poured grains reach less, and a tenth of them lies loose beside the pile.
 DENSEST_PACKING = 0.74

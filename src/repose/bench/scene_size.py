@@ -31,8 +31,8 @@ PASTED_KEYS = (
     "cone_angle_deg",
     "rate_per_s",
 )
-# The flow through a funnel is proportional to this power of its lengths (Beverloo et al.
-# 1961).
+# The flow through a funnel is proportional to this power of its lengths (Beverloo et
+# al. 1961).
 FLOW_EXPONENT = 2.5
 # Narrowest outlet of a smaller scene, in diameters of a grain. Grains leave a narrower
 # outlet one by one and bounce away.
@@ -124,8 +124,8 @@ def scale_funnel(
 ) -> dict[str, Any]:
     """Scale the section `funnel` to another number of grains of the same size.
 
-    All lengths are multiplied by the cube root of the ratio of the numbers. However, the
-    outlet does not become narrower than `OUTLET_GRAINS` diameters of a grain.
+    All lengths are multiplied by the cube root of the ratio of the numbers. However,
+    the outlet does not become narrower than `OUTLET_GRAINS` diameters of a grain.
 
     Parameters
     ----------

@@ -6,8 +6,8 @@ until the bed slips once. Here the drum turns faster, and the angle is the mean 
 time in which the flow is steady. The same filled drum may turn at several speeds, one
 after the other.
 
-The surface itself can be a response, too. It is the profile along which the bed covers a
-given share of the frames in a view along the axis, as in the average picture of a
+The surface itself can be a response, too. It is the profile along which the bed covers
+a given fraction of the frames in a view along the axis, as in the average picture of a
 camera in front of the cap. The axis may be tilted against the horizontal, as in a kiln.
 The drum of the simulation then stays level, and the direction of gravity is tilted
 instead.
@@ -44,8 +44,8 @@ NAME = "turning"
 VIEW_KEYS = ("measure.mm_per_pixel", "turning.angular_velocity_rad_s")
 # The name of a response has a single digit for the number of the speed.
 MOST_SPEEDS = 9
-# It matches turning_deg, turning_2_deg, turning_profile_1_mm, turning_2_profile_1_mm and
-# names of whole profiles such as turning_profile_mm.
+# It matches turning_deg, turning_2_deg, turning_profile_1_mm, turning_2_profile_1_mm
+# and names of whole profiles such as turning_profile_mm.
 RESPONSE_NAME = re.compile(
     r"turning(?:_(?P<speed>[2-9]))?(?:_deg|_profile(?:_(?P<score>[1-9]))?_mm)"
 )
@@ -319,10 +319,10 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Returns
         -------
         Run
-            The arrays are ``time_s`` (T,), the times since the drum began to turn at its
-            present speed, from `turning.measure_from_s` on; ``position`` (T, N, 3) [m]
-            and ``quaternion`` (T, N, 4) at these times; ``scale`` (N,); and with several
-            speeds ``speed`` (T,), the index of the speed.
+            The arrays are ``time_s`` (T,), the times since the drum began to turn at
+            its present speed, from `turning.measure_from_s` on; ``position`` (T, N, 3)
+            [m] and ``quaternion`` (T, N, 4) at these times; ``scale`` (N,); and with
+            several speeds ``speed`` (T,), the index of the speed.
         """
         section = self.section(scene.settings)
         trial, factory = self.make_empty_drum(scene, interval_s, progress)
@@ -360,8 +360,8 @@ class TurningTest(RotatingDrum[TurningSettings]):
         trial : Trial
             The drum, which turns at this speed. It is advanced in place.
         speed : Speed
-            The speed. Frames are recorded from its `measure_from_s` on, when the flow is
-            steady.
+            The speed. Frames are recorded from its `measure_from_s` on, when the flow
+            is steady.
         index : int
             The index of the speed, which is recorded with the frames.
         frames : _Frames
@@ -372,8 +372,8 @@ class TurningTest(RotatingDrum[TurningSettings]):
         record_interval = max(1, simulation_settings.steps(section.record_s))
         first_step = trial.simulation.steps
         n_steps = simulation_settings.steps(speed.measure_until_s)
-        # Here, steps are counted from the moment at which the drum begins to turn at this
-        # speed.
+        # Here, steps are counted from the moment at which the drum begins to turn at
+        # this speed.
         for step in range(record_interval, n_steps + 1, record_interval):
             trial.run_to(first_step + step)
             time_s = step * simulation_settings.time_step_s
@@ -397,8 +397,8 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Returns
         -------
         dict
-            The record with the angles and scores. They are None if the run is not ``ok``,
-            or if the bed has no surface in one of the frames.
+            The record with the angles and scores. They are None if the run is not
+            ``ok``, or if the bed has no surface in one of the frames.
         """
         section = self.section(scene.settings)
         angle_names = _list_angle_names(section)
@@ -458,8 +458,8 @@ class TurningTest(RotatingDrum[TurningSettings]):
             return {}
         radius_m = Drum.of(self.section(scene.settings)).radius_m
         mm_per_pixel = scene.settings.mm_per_pixel
-        # For each pixel, compute the share of the frames in which the bed covers it. The
-        # mean surface lies where this share equals that of the target profile.
+        # For each pixel, compute the fraction of the frames in which the bed covers it.
+        # The mean surface lies where this fraction equals that of the target profile.
         frames = zip(bed_frames.position, bed_frames.quaternion, strict=True)
         beds = (
             Grains(position, quaternion, scene.particle, bed_frames.scale)

@@ -165,7 +165,8 @@ class Check:
         Returns
         -------
         dict
-            The keys `whole`, `predicted` and `optimism` are left out if they are unknown.
+            The keys `whole`, `predicted` and `optimism` are left out if they are
+            unknown.
         """
         entry: dict[str, Any] = {
             "response": self.response,
@@ -198,8 +199,8 @@ class Check:
     def error_percent(self) -> float | None:
         """Relative error of the prediction in percent, as in Table 4 of the article.
 
-        It is None if the predicted or the simulated number is missing, and for the score
-        of a profile.
+        It is None if the predicted or the simulated number is missing, and for the
+        score of a profile.
         """
         if self.predicted is None or not self.simulated or self.whole is not None:
             return None
@@ -377,8 +378,8 @@ class Assessment:
     feasible : bool
         Whether the answer is predicted to meet all targets.
     inside : float or None
-        Probability that all means lie inside their ranges, estimated from the runs of the
-        check. If it is None, the responses are treated as independent.
+        Probability that all means lie inside their ranges, estimated from the runs of
+        the check. If it is None, the responses are treated as independent.
     out_of_reach : bool
         Whether no parameter set is predicted to meet the targets.
     """
@@ -605,8 +606,9 @@ def is_out_of_reach(summary: Mapping[str, Any]) -> bool:
     """Return whether no parameter set is predicted to meet the targets.
 
     If the summary of a strategy has the key `stop`, this key decides. Its value is
-    `ENDS_NOT_SIMULATED` if the answer lies at ends of ranges where nothing was simulated.
-    The response may be steep there, so the targets may still be within reach.
+    `ENDS_NOT_SIMULATED` if the answer lies at ends of ranges where nothing was
+    simulated. The response may be steep there, so the targets may still be within
+    reach.
     """
     if summary["feasible"]:
         return False
@@ -702,9 +704,9 @@ def count_further_runs(checks: Sequence[Check]) -> int | None:
 def _probability_after(checks: Iterable[Check], further_runs: int) -> float | None:
     """Compute the probability that all means lie inside their ranges.
 
-    Each check is assumed to have `further_runs` more runs with the same mean and scatter.
-    The responses are treated as independent. The result is None if the probability of
-    any check is unknown.
+    Each check is assumed to have `further_runs` more runs with the same mean and
+    scatter. The responses are treated as independent. The result is None if the
+    probability of any check is unknown.
     """
     probability = 1.0
     for check in checks:

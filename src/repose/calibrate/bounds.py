@@ -2,9 +2,9 @@
 
 Each response gives one estimate of the standard error of a parameter: the standard
 error of the predicted response at the answer, divided by the slope of the response
-along the parameter. The smallest estimate is used. If it exceeds a certain share of the
-range, the parameter hardly changes any response, and its distance from a bound has no
-meaning. Distances and errors are measured along the scale of the parameter.
+along the parameter. The smallest estimate is used. If it exceeds a certain fraction of
+the range, the parameter hardly changes any response, and its distance from a bound has
+no meaning. Distances and errors are measured along the scale of the parameter.
 """
 
 import math
@@ -18,11 +18,11 @@ from repose.calibrate.scales import LINEAR, LOG
 from repose.calibrate.surrogates.base import Predictor
 from repose.common.numbers import format_significant
 
-# Largest standard error of a parameter, as a share of its range. With a larger error, its
-# distance from a bound has no meaning.
+# Largest standard error of a parameter, as a fraction of its range. With a larger
+# error, its distance from a bound has no meaning.
 MAX_RELATIVE_ERROR = 0.5
 # A slope is computed from two points at this distance on each side of the answer, as a
-# share of the range.
+# fraction of the range.
 SLOPE_DISTANCE = 0.05
 
 

@@ -30,7 +30,7 @@ from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.training import describe_training
 from repose.calibrate.uncertainty.posterior import (
-    SPARE_FREEDOM,
+    SPARE_DEGREES_OF_FREEDOM,
     Posterior,
     infer_posterior,
     make_measurement,
@@ -286,8 +286,9 @@ def calibrate(
         Result of `repose.calibrate.strategies.runs.checked_runs`. The runs need not be
         those that the strategy asked for.
     proposal : Batch or Answer, optional
-        Proposal of the strategy after these runs. If it is an answer, the answer is used
-        unchanged. Otherwise the strategy gives the best answer that these runs allow.
+        Proposal of the strategy after these runs. If it is an answer, the answer is
+        used unchanged. Otherwise the strategy gives the best answer that these runs
+        allow.
 
     Returns
     -------
@@ -319,9 +320,9 @@ def calibrate(
     # Draw from the posterior. The correlation of the responses can only be estimated
     # from replicates. Without replicates it has no degrees of freedom.
     has_replicates = REPLICATES in noise.sources.values()
-    freedom = observed.freedom if has_replicates else 0
+    degrees_of_freedom = observed.degrees_of_freedom if has_replicates else 0
     inference_settings = adapt_posterior_settings(
-        settings.posterior, freedom, len(targets)
+        settings.posterior, degrees_of_freedom, len(targets)
     )
     announce("draw the posterior of the parameters", runs)
     posterior = infer_posterior(
@@ -405,23 +406,23 @@ def _summarise_runs(
 
 
 def adapt_posterior_settings(
-    settings: PosteriorSettings, freedom: int, responses: int
+    settings: PosteriorSettings, degrees_of_freedom: int, responses: int
 ) -> PosteriorSettings:
     """Adapt the section `posterior` to the number of repeated runs.
 
-    The correlation of the measured responses is usually estimated from repeated runs. If
-    there are too few of them, it is set to 0.
+    The correlation of the measured responses is usually estimated from repeated runs.
+    If there are too few of them, it is set to 0.
 
     Parameters
     ----------
     settings : PosteriorSettings
         The section of the study.
-    freedom : int
+    degrees_of_freedom : int
         Degrees of freedom of the noise: good runs minus samples.
     responses : int
         Number of targets.
     """
-    if freedom >= responses + SPARE_FREEDOM:
+    if degrees_of_freedom >= responses + SPARE_DEGREES_OF_FREEDOM:
         return settings
     return settings.model_copy(update={"measured_correlation": 0.0})
 

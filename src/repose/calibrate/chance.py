@@ -12,7 +12,8 @@ from repose.calibrate.targets import Target, Targets
 
 # Tolerances in percent of the aims, for which every answer reports a probability.
 REPORTED_PERCENTS = (1.0, 2.0)
-# The standard error of an estimated probability is at most 0.5 / sqrt(N_DRAWS) = 0.0011.
+# The standard error of an estimated probability is at most 0.5 / sqrt(N_DRAWS) =
+# 0.0011.
 N_DRAWS = 200_000
 SEED = 2026  # fixed, so that the same runs always give the same probabilities
 # Runs of a parameter set by bench test.
@@ -25,8 +26,8 @@ def compute_target_probabilities(
     """Compute how probably the true means of the simulator meet the targets.
 
     Given n runs and no prior knowledge, the true mean has a multivariate t distribution
-    about the mean of the runs, with n - 1 degrees of freedom. Because the responses of a
-    bench test are correlated, the probabilities are estimated from random draws.
+    about the mean of the runs, with n - 1 degrees of freedom. Because the responses of
+    a bench test are correlated, the probabilities are estimated from random draws.
 
     Parameters
     ----------
@@ -64,8 +65,8 @@ def compute_target_probabilities(
         if len(rows) < 2:
             return probabilities
 
-        # Each draw is a possible true mean. The probability of a target is the share of
-        # the draws that meet it.
+        # Each draw is a possible true mean. The probability of a target is the fraction
+        # of the draws that meet it.
         means = _draw_means(np.array(rows, dtype=float), random)
         for mean, target in zip(means.T, targets_of_bench, strict=True):
             low, high = _find_accepted_range(target, percent)
@@ -119,8 +120,8 @@ def compute_range_probability(
 def _draw_means(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Draw true means (N_DRAWS, k) of k responses, given their values (n, k) in n runs.
 
-    A multivariate t vector is a normal vector divided by the root of a chi-square number
-    over its degrees of freedom.
+    A multivariate t vector is a normal vector divided by the root of a chi-square
+    number over its degrees of freedom.
     """
     n, k = values.shape
     covariance_of_mean = np.cov(values, rowvar=False).reshape(k, k) / n

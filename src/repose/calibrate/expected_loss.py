@@ -27,11 +27,11 @@ from repose.calibrate.targets import Targets
 N_CANDIDATES = 1024
 # Number of the best candidates from which a local search starts.
 N_DESCENTS = 6
-# Step of the finite differences, as a share of each parameter's range. It is far above
-# the rounding errors of the loss.
+# Step of the finite differences, as a fraction of each parameter's range. It is far
+# above the rounding errors of the loss.
 DIFFERENCE_STEP = 1e-4
-# Distance that a local search keeps from a constraint, as a share of the largest value,
-# because the search satisfies constraints only approximately.
+# Distance that a local search keeps from a constraint, as a fraction of the largest
+# value, because the search satisfies constraints only approximately.
 CONSTRAINT_MARGIN = 1e-6
 # Smallest standard error by which a deviation is divided, to avoid a division by 0.
 MIN_ERROR = 1e-12
@@ -45,9 +45,10 @@ def compute_expected_loss(
 ) -> np.ndarray:
     """Compute the expected deviation of parameter sets from the targets (Eq. 11).
 
-    The result is the weighted sum of the deviations of the responses, in widths of their
-    ranges. The true mean of each response is assumed to be normal about its prediction,
-    so its absolute deviation from the target has a folded normal distribution.
+    The result is the weighted sum of the deviations of the responses, in widths of
+    their ranges. The true mean of each response is assumed to be normal about its
+    prediction, so its absolute deviation from the target has a folded normal
+    distribution.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Search for parameter sets whose predicted responses match the measured ones.
 
-The method is that of section 3.3 of the paper, with its Table 3. The multi-island genetic
-algorithm (`repose.calibrate.search`) searches on the surrogate.
+The method is that of section 3.3 of the paper, with its Table 3. The multi-island
+genetic algorithm (`repose.calibrate.search`) searches on the surrogate.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -21,7 +21,7 @@ from repose.calibrate.search.objective import (
     SearchResult,
     search_points,
 )
-from repose.calibrate.search.settings import LEAST_LOSS, MigaSettings
+from repose.calibrate.search.settings import MIN_LOSS, MigaSettings
 from repose.calibrate.surrogates import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
@@ -98,7 +98,7 @@ def invert(
 
     # Put the representative first, whether it is feasible or not.
     points = result.points
-    if settings.answer == LEAST_LOSS and model.knows_its_errors:
+    if settings.answer == MIN_LOSS and model.knows_its_errors:
         if result.is_supported:
             points = _put_least_loss_first(points, model, space, targets, preference)
         else:
@@ -296,8 +296,9 @@ def _require_aims_in_ranges(targets: Targets) -> None:
 def _count_rows(violations: np.ndarray, most: int) -> int:
     """Count the points that become solutions.
 
-    The solutions are the feasible points and the representative, but at least `MIN_ROWS`
-    and at most `most`. Without any feasible point there are `most` solutions.
+    The solutions are the feasible points and the representative, but at least
+    `MIN_ROWS` and at most `most`. Without any feasible point there are `most`
+    solutions.
 
     Parameters
     ----------
@@ -328,8 +329,8 @@ def restrict_to_free_parameters(
     Returns
     -------
     callable
-        Function of points (n, d) in [-1, 1], the scaled ranges of the d free parameters.
-        It returns the predicted responses (n, k).
+        Function of points (n, d) in [-1, 1], the scaled ranges of the d free
+        parameters. It returns the predicted responses (n, k).
     """
     if space.scale and dict(surrogate.scale) != space.scale:
         # The response function of this surrogate takes coordinates along other scales
@@ -489,8 +490,8 @@ def _find_missing_simulation(
 ) -> dict[str, Any]:
     """Return the entry `stop` of the summary if the nearest set lies beyond the samples.
 
-    The response may be steep at an end of a range. Without samples there, the targets are
-    not known to be out of reach.
+    The response may be steep at an end of a range. Without samples there, the targets
+    are not known to be out of reach.
 
     Parameters
     ----------
@@ -507,8 +508,8 @@ def _find_missing_simulation(
     Returns
     -------
     dict
-        The entry `stop`. The dict is empty if a solution is feasible, if samples are near
-        all these ends, or if there is no support.
+        The entry `stop`. The dict is empty if a solution is feasible, if samples are
+        near all these ends, or if there is no support.
     """
     if support is None or table["feasible"].any():
         return {}
@@ -542,8 +543,8 @@ def _put_first(
 ) -> np.ndarray:
     """Put a parameter set before the points (n, d), and drop points too near to it.
 
-    The first point always stays. It is the set of least objective, which is poured as one
-    of the checks (`repose.stages.validate.select_for_validation`).
+    The first point always stays. It is the set of least objective, which is poured as
+    one of the checks (`repose.stages.validate.select_for_validation`).
     """
     values = np.array([[best[name] for name in space.names]])
     point = 2 * space.unit(values) - 1

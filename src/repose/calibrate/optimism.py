@@ -9,8 +9,8 @@ predictions there are too favourable on average. This is known as the winner's c
 
 The bootstrap (E79) shows by how much. For each replicate, the pours of each sample are
 drawn again, the surrogate is fitted again, and the search is repeated. The original fit
-takes the place of the unknown truth. The optimism of a replicate is its prediction minus
-that of the original fit, at the parameter sets that the replicate found.
+takes the place of the unknown truth. The optimism of a replicate is its prediction
+minus that of the original fit, at the parameter sets that the replicate found.
 
   (E79)  Efron 1979, Bootstrap methods: another look at the jackknife, Annals of
          Statistics 7

@@ -18,7 +18,8 @@ from repose.calibrate.scales import LINEAR, LOG, SCALES, to_coordinates, to_valu
 # If a parameter has a prior without a range, its range reaches this many standard
 # deviations of the prior to each side of the mean.
 PRIOR_HALF_WIDTH_SDS = 3.0
-# Number of points with which the allowed share of the ranges or the prior is estimated.
+# Number of points with which the allowed fraction of the ranges or the prior is
+# estimated.
 N_SPREAD_POINTS = 2**13
 
 Limits = Mapping[str, tuple[float, float]]
@@ -162,14 +163,14 @@ class ParameterSpace:
     def shares(self, name: str, values: np.ndarray) -> np.ndarray:
         """Compute the positions of values of a free parameter within its range.
 
-        A share is 0 at the lower end and 1 at the upper end, and linear in between along
-        the scale.
+        A fraction is 0 at the lower end and 1 at the upper end, and linear in between
+        along the scale.
         """
         low, high = self._coordinate_ends_of(name)
         return (self.coordinates(name, values) - low) / (high - low)
 
     def values_at(self, name: str, shares: np.ndarray) -> np.ndarray:
-        """Compute the values of a free parameter at shares of its range, from 0 to 1.
+        """Compute the values of a free parameter at fractions of its range, from 0 to 1.
 
         This is the inverse of `shares`.
         """
@@ -243,7 +244,7 @@ class ParameterSpace:
         Returns
         -------
         numpy.ndarray, (n,)
-            The sum of the excesses, each as a share of the largest that the ranges
+            The sum of the excesses, each as a fraction of the largest that the ranges
             allow. It is 0 where all constraints are obeyed.
         """
         total = np.zeros(len(unit))
@@ -262,14 +263,14 @@ class ParameterSpace:
         Returns
         -------
         numpy.ndarray, (n, constraints)
-            An excess is above 0 where the constraint is violated. It is a share of the
-            largest excess that the ranges allow.
+            An excess is above 0 where the constraint is violated. It is a fraction of
+            the largest excess that the ranges allow.
         """
         if not self.constraints:
             return np.zeros((len(unit), 0))
         values = self.values(unit)
-        # Divide each excess by its upper limit, so that the excesses of constraints with
-        # different units can be compared.
+        # Divide each excess by its upper limit, so that the excesses of constraints
+        # with different units can be compared.
         low, high = self.complete(np.array([self.low, self.high]))
         largest_values = np.maximum(np.abs(low), np.abs(high))[None]
         columns = []
@@ -296,21 +297,21 @@ class ParameterSpace:
         return points[self.is_allowed(points)]
 
     @cached_property
-    def allowed_share(self) -> float:
+    def allowed_fraction(self) -> float:
         """Share of the ranges or of the prior that the constraints allow.
 
-        It is the smaller of the two shares.
+        It is the smaller of the two fractions.
         """
         if not self.constraints:
             return 1.0
-        share_of_ranges = float(self.is_allowed(self._spread).mean())
-        return min(share_of_ranges, len(self._allowed_prior) / N_SPREAD_POINTS)
+        fraction_of_ranges = float(self.is_allowed(self._spread).mean())
+        return min(fraction_of_ranges, len(self._allowed_prior) / N_SPREAD_POINTS)
 
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
         """Compute the logarithm of the prior density at points of the unit cube.
 
-        The constant of normalisation is left out, so a parameter without a prior adds 0.
-        A prior is a normal density of the value of the parameter.
+        The constant of normalisation is left out, so a parameter without a prior adds
+        0. A prior is a normal density of the value of the parameter.
 
         Parameters
         ----------
@@ -357,8 +358,8 @@ class ParameterSpace:
         """Compute the prior distribution function of each parameter, with constraints.
 
         At a point, it is the probability that a parameter is smaller, among the
-        parameter sets that obey the constraints. It is estimated as the share of many
-        draws from the prior. Without constraints, it is the result of `prior_cdf`.
+        parameter sets that obey the constraints. It is estimated as the fraction of
+        many draws from the prior. Without constraints, it is the result of `prior_cdf`.
 
         Parameters
         ----------
@@ -374,13 +375,13 @@ class ParameterSpace:
         if not self.constraints:
             return unconstrained
         draws = np.sort(self.prior_cdf(self._allowed_prior), axis=0)
-        share_of_smaller_draws = (np.arange(len(draws)) + 0.5) / len(draws)
+        fraction_of_smaller_draws = (np.arange(len(draws)) + 0.5) / len(draws)
         # Interpolate between the draws. At the ends of the range the result is 0 and 1.
         columns = [
             np.interp(
                 unconstrained[:, k],
                 [0.0, *draws[:, k], 1.0],
-                [0.0, *share_of_smaller_draws, 1.0],
+                [0.0, *fraction_of_smaller_draws, 1.0],
             )
             for k in range(self.dimensions)
         ]

@@ -19,15 +19,16 @@ from repose.common.errors import did_you_mean
 from repose.common.section import Allowed, Contradictions, refuse
 
 ENTRY_KEYS = ("fixed", "prior", "range", "scale")
-# Smallest share of the ranges that constraints may allow. A design is made of all points
-# of a larger design that are allowed, so a smaller share would make it too slow.
-MIN_ALLOWED_SHARE = 0.05
+# Smallest fraction of the ranges that constraints may allow. A design is made of all
+# points of a larger design that are allowed, so a smaller fraction would make it too
+# slow.
+MIN_ALLOWED_FRACTION = 0.05
 # A range with more decades is too wide for a linear scale.
 MAX_LINEAR_DECADES = 2.0
-# Smallest width of a range, as a share of its larger end. A narrower one would be lost
-# in rounding errors.
+# Smallest width of a range, as a fraction of its larger end. A narrower one would be
+# lost in rounding errors.
 MIN_RELATIVE_WIDTH = 1e-9
-# Smallest width of a range whose ends are about 0, where a share means nothing.
+# Smallest width of a range whose ends are about 0, where a fraction means nothing.
 MIN_WIDTH = 1e-30
 
 
@@ -120,8 +121,9 @@ class _ParameterBounds:
             )
             return
 
-        # Otherwise, the entry must be a prior, or a range with a scale. If it has unknown
-        # keys, these have been reported already, and explain why it is incomplete.
+        # Otherwise, the entry must be a prior, or a range with a scale. If it has
+        # unknown keys, these have been reported already, and explain why it is
+        # incomplete.
         prior = entry.get("prior")
         has_no_bad_range = "range" not in entry or self._is_range(entry["range"])
         is_complete = prior is not None or {"range", "scale"} <= set(entry)
@@ -191,8 +193,8 @@ def make_parameter_type(low: float, high: float) -> Any:
 def find_far_priors(parameters: Mapping[str, Any]) -> Contradictions:
     """Find parameters whose range is far from their prior.
 
-    A range is far if no value in it is within `PRIOR_HALF_WIDTH_SDS` standard deviations
-    of the mean of the prior.
+    A range is far if no value in it is within `PRIOR_HALF_WIDTH_SDS` standard
+    deviations of the mean of the prior.
 
     Parameters
     ----------
@@ -289,11 +291,11 @@ def find_constraint_faults(
 
     # Check that all constraints together leave enough of the ranges.
     space = ParameterSpace.of(parameters, limits=limits, constraints=constraints)
-    share = space.allowed_share
-    if share < MIN_ALLOWED_SHARE:
+    share = space.allowed_fraction
+    if share < MIN_ALLOWED_FRACTION:
         yield (
             "",
-            f"constraints that allow at least {100 * MIN_ALLOWED_SHARE:g} % of the ranges, "
+            f"constraints that allow at least {100 * MIN_ALLOWED_FRACTION:g} % of the ranges, "
             f"and of their priors; these allow {100 * share:.2g} %: narrow the ranges to "
             "where they hold",
         )

@@ -13,7 +13,7 @@ N_POINTS = 128
 MIN_PROBABILITY = 1e-300
 # Probabilities of a normal distribution are kept this far away from 0 and 1, where its
 # quantiles are infinite.
-SMALLEST_SHARE = 1e-16
+SMALLEST_FRACTION = 1e-16
 
 
 def compute_box_probability(
@@ -44,8 +44,8 @@ def compute_box_probability(
 
     k = mean.shape[1]
     cholesky_root = np.linalg.cholesky(covariance)
-    # Draw a column of uniform numbers for each response except the last. Shift all points
-    # by half a step, because the first point of the sequence is 0.
+    # Draw a column of uniform numbers for each response except the last. Shift all
+    # points by half a step, because the first point of the sequence is 0.
     uniform = np.zeros((1, 0))
     if k > 1:
         uniform = qmc.Sobol(k - 1, scramble=False).random(N_POINTS) + 0.5 / N_POINTS
@@ -63,5 +63,5 @@ def compute_box_probability(
         # Draw z inside the box, because the later responses depend on it.
         if i < k - 1:
             share = below_low + uniform[:, i] * (below_high - below_low)
-            z[:, :, i] = ndtri(np.clip(share, SMALLEST_SHARE, 1 - SMALLEST_SHARE))
+            z[:, :, i] = ndtri(np.clip(share, SMALLEST_FRACTION, 1 - SMALLEST_FRACTION))
     return probability.mean(axis=1)

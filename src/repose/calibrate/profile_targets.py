@@ -331,8 +331,8 @@ def _describe_scores(
 
     A score is the coefficient of one of the functions that describe the profile. All
     scores get the same standard deviation. Their variances add up to the variance of a
-    height, so each standard deviation is that of a height over the root of the number of
-    functions.
+    height, so each standard deviation is that of a height over the root of the number
+    of functions.
 
     Parameters
     ----------

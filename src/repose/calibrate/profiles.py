@@ -1,11 +1,12 @@
 """Profiles (lines of heights) as responses: a few scores describe each.
 
-The scores of a profile on a few smooth functions are numbers like any other response. The
-functions are polynomials of rising degree, orthonormal in the mean over the abscissae of
-the profile. Score 1 is the mean height, score 2 the slope, score 3 the curvature, each in
-the unit of the heights. By Parseval's theorem the sum of the squared differences of all
-scores of two profiles is the mean square distance of their smooth parts. A straight profile
-has two scores; with cosines, the other usual choice, it would have many.
+The scores of a profile on a few smooth functions are numbers like any other response.
+The functions are polynomials of rising degree, orthonormal in the mean over the
+abscissae of the profile. Score 1 is the mean height, score 2 the slope, score 3 the
+curvature, each in the unit of the heights. By Parseval's theorem the sum of the squared
+differences of all scores of two profiles is the mean square distance of their smooth
+parts. A straight profile has two scores; with cosines, the other usual choice, it would
+have many.
 """
 
 import math

@@ -57,11 +57,11 @@ if TYPE_CHECKING:
 # Relative difference up to which two values of a parameter count as the same, because a
 # spreadsheet may have rounded the table.
 SAME_TOLERANCE = 1e-6
-# Rounding changes a number by at most half a unit of its last digit. The additional 0.001
-# allows for the error of floating-point numbers.
+# Rounding changes a number by at most half a unit of its last digit. The additional
+# 0.001 allows for the error of floating-point numbers.
 ROUNDING_DIGITS = 0.501
-# Largest accepted rounding of a parameter, as a share of its range.
-MAX_ROUNDING_SHARE = 0.05
+# Largest accepted rounding of a parameter, as a fraction of its range.
+MAX_ROUNDING_FRACTION = 0.05
 TABLE_NAME = "the table of runs"
 
 Row = dict[str, Any]
@@ -88,8 +88,8 @@ class Record:
 
     A turn is a proposal with its runs. It ends when all of them are in the record. A
     proposal depends only on the study and on the runs of earlier turns. So a study that
-    is resumed from its file asks for the same samples again. Several threads and several
-    processes may add parts of a turn, in any order.
+    is resumed from its file asks for the same samples again. Several threads and
+    several processes may add parts of a turn, in any order.
 
     Parameters
     ----------
@@ -264,8 +264,8 @@ class Record:
         Parameters
         ----------
         table : pandas.DataFrame
-            The argument of `Study.tell`. With a column `sample`, these are runs that the
-            strategy asked for. Otherwise they were made before.
+            The argument of `Study.tell`. With a column `sample`, these are runs that
+            the strategy asked for. Otherwise they were made before.
 
         Returns
         -------
@@ -288,7 +288,7 @@ class Record:
             else:
                 runs = self._complete_earlier_runs(results)
             if "run" not in results and len(self.data):
-                _refuse_repeated_runs(runs, self.data, TABLE_NAME)
+                _reject_repeated_runs(runs, self.data, TABLE_NAME)
             self._add_rows(_format_rows(runs), TABLE_NAME)
             return self.new_unread_columns()
 
@@ -323,7 +323,7 @@ class Record:
         with self._lock, lock_file(self.file):
             self.read()
             if "run" not in rows[0] and len(self.data):
-                _refuse_repeated_runs(runs, self.data, path)
+                _reject_repeated_runs(runs, self.data, path)
             sets = runs[list(self.study.parameters.names)]
             numbered = self._assign_numbers(rows, sets)
             self._add_rows(numbered, path)
@@ -347,8 +347,8 @@ class Record:
         """Add the numbers of the sample, the run and the turn to each row.
 
         A run that the strategy asked for gets the numbers of the request. Any other run
-        gets the next run number of its sample, or starts a new sample. It belongs to the
-        present turn if this has begun, or if one of the rows begins it because the
+        gets the next run number of its sample, or starts a new sample. It belongs to
+        the present turn if this has begun, or if one of the rows begins it because the
         strategy asked for that run. Otherwise it belongs to the turn before.
 
         Parameters
@@ -638,11 +638,11 @@ class Record:
         rows = requested_numbers.get_indexer(numbers)
         runs = requested.iloc[rows].reset_index(drop=True)
 
-        self._refuse_other_parameters(table, runs)
+        self._reject_other_parameters(table, runs)
         completed = self._add_responses(runs, table)
         return completed.sort_values(["sample", "run"], ignore_index=True)
 
-    def _refuse_other_parameters(self, table: pd.DataFrame, runs: pd.DataFrame) -> None:
+    def _reject_other_parameters(self, table: pd.DataFrame, runs: pd.DataFrame) -> None:
         """Refuse a table whose parameters differ from the requested ones.
 
         Differences that a spreadsheet may cause by rounding are accepted.
@@ -753,7 +753,8 @@ class Record:
         )
         outcomes = judge_runs(cells, self.study.targets.names)
         refuse(TABLE_NAME, outcomes.faults)
-        # The calibration uses no response of a failed run, but the record keeps its numbers.
+        # The calibration uses no response of a failed run, but the record keeps its
+        # numbers.
         empty_column = [None] * len(table)
         responses = {
             name: [
@@ -831,7 +832,7 @@ def _is_rounded(value: float, requested: float, size: float) -> bool:
     """Return whether `value` is the number `requested`, or a rounding of it.
 
     The difference may be half a unit of the last digit of `value`, but at most
-    `MAX_ROUNDING_SHARE` of `size`.
+    `MAX_ROUNDING_FRACTION` of `size`.
     """
     if math.isclose(value, requested, rel_tol=SAME_TOLERANCE):
         return True
@@ -839,7 +840,7 @@ def _is_rounded(value: float, requested: float, size: float) -> bool:
         Decimal(repr(float(value))).normalize().as_tuple().exponent
     )
     return abs(value - requested) <= min(
-        ROUNDING_DIGITS * last_digit, MAX_ROUNDING_SHARE * size
+        ROUNDING_DIGITS * last_digit, MAX_ROUNDING_FRACTION * size
     )
 
 
@@ -848,7 +849,7 @@ def _compute_rounding_sizes(
 ) -> np.ndarray:
     """Compute the size with which the rounding error of a parameter is compared.
 
-    `_is_rounded` accepts an error that is a small share of this size. For a free
+    `_is_rounded` accepts an error that is a small fraction of this size. For a free
     parameter, the size is the width of its range, and for a fixed one its value. On a
     logarithmic scale, the size is the width of the range of the logarithm times the
     value.
@@ -886,15 +887,15 @@ def _find_free_run(sample: str, used_numbers: set[tuple[str, str]]) -> str:
 def _number_next_runs(requested: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
     """Return a run number for each row of a table without run numbers.
 
-    The numbers of a sample are consecutive, beginning with its first requested run. They
-    begin with 1 for a sample that was not requested.
+    The numbers of a sample are consecutive, beginning with its first requested run.
+    They begin with 1 for a sample that was not requested.
     """
     first = requested.astype({"sample": str}).groupby("sample")["run"].min()
     before = table.groupby("sample").cumcount()
     return before + table["sample"].map(first).fillna(1).astype(int)
 
 
-def _refuse_repeated_runs(
+def _reject_repeated_runs(
     new: pd.DataFrame, data: pd.DataFrame, source: object
 ) -> None:
     """Refuse new runs that equal a run of the record in all values.
@@ -1017,7 +1018,8 @@ def _format_cell(value: Any) -> str:
 def _clean_text(value: object) -> str:
     """Convert a value to a text in one line, as a file can keep it.
 
-    Line breaks, control characters and characters without a code in UTF-8 become blanks.
+    Line breaks, control characters and characters without a code in UTF-8 become
+    blanks.
     """
     characters = [
         character if character.isprintable() else " " for character in str(value)

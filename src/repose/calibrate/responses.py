@@ -1,9 +1,9 @@
 """The responses of bench tests, and their registry by name.
 
-A response is a number that a bench test gives: the angle of repose of a pile, its height,
-the angle at which a bed slips. Each bench test registers its responses in its module
-(`repose.bench`). All later stages find them in this registry by name, and work for any
-number of them.
+A response is a number that a bench test gives: the angle of repose of a pile, its
+height, the angle at which a bed slips. Each bench test registers its responses in its
+module (`repose.bench`). All later stages find them in this registry by name, and work
+for any number of them.
 """
 
 import math
@@ -44,9 +44,9 @@ class Response:
         Dotted keys of the configuration that define the number. Tables made with
         different definitions must not be mixed.
     function : function, optional
-        ``function(run)`` takes a measured run, a mapping, and returns its number, or None
-        if it could not be measured. By default the number is the value of the run under
-        the name of the response.
+        ``function(run)`` takes a measured run, a mapping, and returns its number, or
+        None if it could not be measured. By default the number is the value of the run
+        under the name of the response.
     computed_from : tuple of str
         Names of the measured numbers that `function` needs. Where one of them could not
         be measured, the response is None and `function` is not called.
@@ -213,7 +213,7 @@ def list_responses(apparatus: str) -> tuple[Response, ...]:
     )
 
 
-def refuse_other_definitions(
+def reject_other_definitions(
     definitions: Definitions, path: object, expected: Definitions, source: object
 ) -> None:
     """Refuse a file that defines a response differently from another file.

@@ -14,7 +14,8 @@ from repose.common.statuses import describe_failure
 if TYPE_CHECKING:
     import pandas as pd
 
-# Key of a run whose bodies overlap deeply: the largest overlap, as a share of a grain.
+# Key of a run whose bodies overlap deeply: the largest overlap, as a fraction of a
+# grain.
 OVERLAP_SHARE = "overlap_share"
 
 

@@ -2,8 +2,8 @@
 
 import zlib
 
-# Number of the stream of random numbers for each purpose. Different streams ensure that a
-# check never repeats the runs that it checks. The numbers missing here belong to
+# Number of the stream of random numbers for each purpose. Different streams ensure that
+# a check never repeats the runs that it checks. The numbers missing here belong to
 # `research.streams`, which passes them directly.
 PURPOSE_STREAMS = {
     "design": 0,

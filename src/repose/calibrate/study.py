@@ -32,8 +32,8 @@ _RECORD_LOCK = threading.Lock()
 class Study:
     """A calibration with your own simulator, as a loop of `ask` and `tell`.
 
-    `ask` returns the runs to make next, and `tell` adds their results, until the study is
-    `done`. The settings of a study never change. Only its runs grow.
+    `ask` returns the runs to make next, and `tell` adds their results, until the study
+    is `done`. The settings of a study never change. Only its runs grow.
 
     Parameters
     ----------
@@ -322,12 +322,13 @@ class Study:
         Parameters
         ----------
         runs : pandas.DataFrame
-            `sample` and a column for each response, for any of the runs that `ask` gave,
-            in any order. A run failed if a response is missing, NaN, None or infinite,
-            or if a column `status` says anything but ok. With a column `run`, the number
-            of the run. Other columns are kept, with their texts in one line, and not
-            read. But columns of parameters must equal those of `ask`. Without `sample`,
-            these are runs made before, which also need a column for each parameter.
+            `sample` and a column for each response, for any of the runs that `ask`
+            gave, in any order. A run failed if a response is missing, NaN, None or
+            infinite, or if a column `status` says anything but ok. With a column `run`,
+            the number of the run. Other columns are kept, with their texts in one line,
+            and not read. But columns of parameters must equal those of `ask`. Without
+            `sample`, these are runs made before, which also need a column for each
+            parameter.
 
         Raises
         ------
@@ -348,17 +349,17 @@ class Study:
     ) -> "Calibration":
         """Simulate all runs that the strategy asks for, and return the answer.
 
-        If the study has a file, each run is saved as soon as it is finished. The runs of
-        a batch are independent, so they can be simulated in parallel without changing the
-        answer.
+        If the study has a file, each run is saved as soon as it is finished. The runs
+        of a batch are independent, so they can be simulated in parallel without
+        changing the answer.
 
         Parameters
         ----------
         simulate : function
             It takes a row of `ask` as a mapping, and returns the responses by name. It
-            reports a failed run by None, by a response that is NaN, None or infinite, or
-            by a `status` other than ok. Parameters that it returns must be those of the
-            row.
+            reports a failed run by None, by a response that is NaN, None or infinite,
+            or by a `status` other than ok. Parameters that it returns must be those of
+            the row.
         workers : int or concurrent.futures.Executor
             Number of runs at a time, in threads of this process. Threads are enough for
             a function that starts a program and waits for it. An executor can use other
@@ -374,8 +375,8 @@ class Study:
             If `simulate` does not return a mapping, or returns other parameters. If no
             run was good so far, also for a response that is missing or no number, a
             number as status, and a batch of runs that failed only by their status. Any
-            exception of `simulate` is raised as well, once the runs that had started are
-            recorded.
+            exception of `simulate` is raised as well, once the runs that had started
+            are recorded.
 
         Warns
         -----
@@ -396,7 +397,7 @@ class Study:
                 statuses: list[str] = []
                 record = partial(self._record_result, unknown_statuses=statuses)
                 _simulate_runs(simulate, requested_runs, executor, record)
-                self._refuse_unknown_statuses(statuses)
+                self._reject_unknown_statuses(statuses)
         return self.answer()
 
     def _record_result(
@@ -431,7 +432,7 @@ class Study:
             )
         unknown_statuses.append(status)
 
-    def _refuse_unknown_statuses(self, statuses: Sequence[str]) -> None:
+    def _reject_unknown_statuses(self, statuses: Sequence[str]) -> None:
         """Refuse a batch whose runs all failed only by their statuses.
 
         A word for a good run is then probably not among the known ones. If any run was
@@ -700,8 +701,8 @@ def _cancel(futures: Iterable[Future[Any]]) -> None:
 def _limit_threads() -> AbstractContextManager[Any]:
     """Limit matrix operations to one thread while the context is open.
 
-    Operations on small matrices are slower on several threads. Their last bits would also
-    differ from those of the command line.
+    Operations on small matrices are slower on several threads. Their last bits would
+    also differ from those of the command line.
     """
     # Only a loaded library is limited, so load scipy's own matrix library first.
     import scipy.linalg  # noqa: F401

@@ -1,7 +1,7 @@
 """The short configuration of a study with a simulator of the user's own.
 
-A file, or the arguments of `repose.Study`, give a few keys; all others have the values of
-config/method.yaml or the defaults below. docs/own_simulator.md explains the keys.
+A file, or the arguments of `repose.Study`, give a few keys; all others have the values
+of config/method.yaml or the defaults below. docs/own_simulator.md explains the keys.
 """
 
 import os
@@ -72,9 +72,9 @@ COMMON_KEYS = (
 N_WALKERS = 128
 N_STEPS = 400
 MAX_SIZE = 1e12
-# Smallest noise of a response, as a share of its value. Rounding errors would hide a
+# Smallest noise of a response, as a fraction of its value. Rounding errors would hide a
 # smaller one.
-MIN_NOISE_SHARE = 1e-9
+MIN_NOISE_FRACTION = 1e-9
 # Keys outside of sections that some strategies do not read.
 OPTIONAL_KEYS = ("seeds", "surrogate")
 
@@ -125,7 +125,7 @@ class OwnTarget(Section):
             low, high = self.range or default_range
             if self.aim == 0 or not low <= self.aim <= high:
                 yield "aim", f"a number in the range, {low:g} to {high:g}, but not 0"
-        smallest_noise = MIN_NOISE_SHARE * abs(self.value)
+        smallest_noise = MIN_NOISE_FRACTION * abs(self.value)
         if self.noise_sd is not None and self.noise_sd < smallest_noise:
             yield "noise_sd", f"at least {smallest_noise:g}"
 
@@ -275,8 +275,8 @@ def make_configuration_model() -> type[StudyFile]:
 def has_own_simulator(path: str | os.PathLike) -> bool:
     """Return whether a configuration is for a simulator that the user runs.
 
-    Its key `simulator` is then a name. If `simulator` is a section, it has the command of
-    a program that the workflow runs.
+    Its key `simulator` is then a name. If `simulator` is a section, it has the command
+    of a program that the workflow runs.
     """
     content = read_yaml(path)
     return "simulator" in content and not isinstance(content["simulator"], Mapping)
@@ -303,9 +303,9 @@ def complete_configuration(
     Returns
     -------
     dict
-        The configuration with all sections, including those of other strategies. Missing
-        keys of `sequential` and `posterior` get the defaults of their models, those of
-        other sections the values of config/method.yaml.
+        The configuration with all sections, including those of other strategies.
+        Missing keys of `sequential` and `posterior` get the defaults of their models,
+        those of other sections the values of config/method.yaml.
 
     Raises
     ------
@@ -407,7 +407,7 @@ def _add_defaults(
         "surrogate": "gaussian_process",
         **content,
     }
-    _refuse_unusable_names(config, source)
+    _reject_unusable_names(config, source)
     config["targets"] = expand_own_profiles(
         config.get("targets"), find_file_to_edit(source, "targets")
     )
@@ -474,7 +474,7 @@ def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
     return otherwise
 
 
-def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> None:
+def _reject_unusable_names(config: Mapping[str, Any], source: str | Origin) -> None:
     """Refuse names of parameters and targets that cannot be columns of a table.
 
     Parameters
@@ -512,7 +512,7 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> N
 
 
 def choose_split(surrogate: str) -> list[float]:
-    """Return the shares (training, validation, test) of the samples for a surrogate.
+    """Return the fractions (training, validation, test) of the samples for a surrogate.
 
     Only a network needs validation samples.
     """

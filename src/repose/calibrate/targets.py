@@ -33,8 +33,9 @@ def complete_target(entry: Any) -> Any:
     Returns
     -------
     any
-        A completed copy of the entry. Faults are left to a later check: an entry that is
-        not a mapping is returned unchanged, and one with unusable numbers gets no range.
+        A completed copy of the entry. Faults are left to a later check: an entry that
+        is not a mapping is returned unchanged, and one with unusable numbers gets no
+        range.
     """
     if not isinstance(entry, Mapping):
         return entry
@@ -73,7 +74,8 @@ class Target:
     low, high : float
         Ends of the range in which the prediction of a feasible solution must lie.
     aim : float
-        Goal of the search: `value`, or the centre of the range (Eq. 11-12 of the paper).
+        Goal of the search: `value`, or the centre of the range (Eq. 11-12 of the
+        paper).
     weight : float
         Weight of the target in the objective of the search.
     profile : Profile or None

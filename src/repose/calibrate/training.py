@@ -14,7 +14,7 @@ from repose.calibrate.dataset_files import read_definitions
 from repose.calibrate.responses import (
     Definitions,
     name_derived_column,
-    refuse_other_definitions,
+    reject_other_definitions,
 )
 from repose.calibrate.runs import select_bench_runs
 from repose.calibrate.surrogates import Surrogate, load, make, on_scale
@@ -44,8 +44,8 @@ class Training(NamedTuple):
     Attributes
     ----------
     model : Surrogate
-        Fitted to all usable samples, or to the training part: `Surrogate.of_all_samples`
-        says which.
+        Fitted to all usable samples, or to the training part:
+        `Surrogate.of_all_samples` says which.
     metrics : dict
         Numbers of samples, R2 and RMSE by part and response, and the report of the
         surrogate.
@@ -107,16 +107,16 @@ class Replicates(NamedTuple):
         is_good = (runs["status"] == "ok") & runs["sample"].isin(samples)
         good = runs[is_good]
         covariance = np.zeros((len(targets), len(targets)))
-        freedom = 0.0
+        degrees_of_freedom = 0.0
         weights: list[np.ndarray] = []
         for bench, columns in targets.benches.items():
             # Estimate the covariance of the responses of this bench test.
             runs_of_bench = select_bench_runs(good, bench)
             names = [targets.names[k] for k in columns]
-            bench_covariance, bench_freedom = estimate_within_covariance(
+            bench_covariance, bench_dof = estimate_within_covariance(
                 runs_of_bench[names], runs_of_bench["sample"]
             )
-            has_too_few_runs = bench_freedom <= len(columns)
+            has_too_few_runs = bench_dof <= len(columns)
             if has_too_few_runs or not np.linalg.eigvalsh(bench_covariance)[0] > 0:
                 return None
 
@@ -131,8 +131,8 @@ class Replicates(NamedTuple):
             covariance[np.ix_(columns, columns)] = bench_covariance * ratio
 
             # Average the degrees of freedom over the responses.
-            freedom += bench_freedom * len(columns) / len(targets)
-        return cls(np.mean(weights, axis=0), covariance, float(freedom))
+            degrees_of_freedom += bench_dof * len(columns) / len(targets)
+        return cls(np.mean(weights, axis=0), covariance, float(degrees_of_freedom))
 
 
 def train_surrogate(
@@ -372,7 +372,7 @@ def restore_surrogate(
     predictions = read_table(predictions_csv, ("sample", "split", *test_columns))
     dataset = read_table(dataset_csv, ("sample", *model.inputs, "status"))
     definitions, summary_json = read_definitions(dataset_csv)
-    refuse_other_definitions(
+    reject_other_definitions(
         model.definitions, surrogate_json, definitions, summary_json
     )
 
@@ -408,7 +408,7 @@ def restore_surrogate(
     return model
 
 
-def refuse_other_targets(
+def reject_other_targets(
     model: Surrogate,
     path: object,
     targets: Targets,
@@ -443,7 +443,7 @@ def refuse_other_targets(
             value=list(model.outputs),
             allowed=f"the responses of the targets, {', '.join(targets.names)}",
         )
-    refuse_other_definitions(model.definitions, path, definitions, source)
+    reject_other_definitions(model.definitions, path, definitions, source)
 
 
 def split_samples(
@@ -466,14 +466,15 @@ def split_rows(
 ) -> dict[str, np.ndarray]:
     """Split the rows of a table into training, validation and test.
 
-    The samples of the design are split at random. They are split in the same way in each
-    round of a refinement, so the test samples stay the same. The samples of the
+    The samples of the design are split at random. They are split in the same way in
+    each round of a refinement, so the test samples stay the same. The samples of the
     refinement itself are all used for training.
 
     Parameters
     ----------
     samples : pandas.DataFrame
-        A row for each sample; those of a refinement have a number in the column `round`.
+        A row for each sample; those of a refinement have a number in the column
+        `round`.
     shares : sequence of float
         Shares of the design for training and for validation. The rest is for the test.
     seed : int
@@ -500,9 +501,9 @@ def estimate_error_covariance(
 ) -> np.ndarray:
     """Estimate the covariance of errors at unseen samples.
 
-    An error combines the noise of the sample with the noise that the fit has learned from
-    other samples. Both have the correlation of the noise, so it can be estimated even from
-    an overfitted model. The variances are too large.
+    An error combines the noise of the sample with the noise that the fit has learned
+    from other samples. Both have the correlation of the noise, so it can be estimated
+    even from an overfitted model. The variances are too large.
 
     Parameters
     ----------
@@ -593,9 +594,9 @@ def _compute_accuracy(
     Returns
     -------
     dict
-        The keys `n_train`, `n_validation` and `n_test` have numbers of samples. The keys
-        `train`, `validation` and `test` have `r2` and `rmse` by name of the response,
-        which are None for a part without samples.
+        The keys `n_train`, `n_validation` and `n_test` have numbers of samples. The
+        keys `train`, `validation` and `test` have `r2` and `rmse` by name of the
+        response, which are None for a part without samples.
     """
     accuracy: dict[str, Any] = {f"n_{part}": len(rows[part]) for part in SPLITS}
     for part, rows_of_part in rows.items():

@@ -1,13 +1,14 @@
 """Estimate the variance of a response within samples (noise) and between them.
 
 A response of run j of sample i is y_ij = mu + a_i + e_ij, with variance tau^2 between
-samples and sigma^2 within one. Both come from the unbalanced one-way analysis of variance,
-since a run that failed leaves a sample with fewer values than others.
+samples and sigma^2 within one. Both come from the unbalanced one-way analysis of
+variance, since a run that failed leaves a sample with fewer values than others.
 
 References
 ----------
-(SCM92) Searle, Casella & McCulloch 1992, Variance Components, section 3.6: unbalanced data.
-(TH78) Thomas & Hultquist 1978, Annals of Statistics 6, 582: interval from unweighted means.
+(SCM92) Searle, Casella & McCulloch 1992, Variance Components, section 3.6: unbalanced
+data. (TH78) Thomas & Hultquist 1978, Annals of Statistics 6, 582: interval from
+unweighted means.
 """
 
 import math
@@ -21,8 +22,9 @@ CONFIDENCE = 0.95
 # Probability on each side of an interval.
 TAIL_PROBABILITY = (1 - CONFIDENCE) / 2
 # Smallest number of degrees of freedom for the interval of a correlation.
-MIN_FREEDOM = 4
-# A correlation is moved this far away from 1, where Fisher's transformation is infinite.
+MIN_DEGREES_OF_FREEDOM = 4
+# A correlation is moved this far away from 1, where Fisher's transformation is
+# infinite.
 MIN_DISTANCE_FROM_ONE = 1e-12
 # Relative error of a quotient that is accepted as rounding.
 ROUNDING_ERROR = 1e-12
@@ -92,14 +94,14 @@ class Components(NamedTuple):
 def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     """Estimate the variance components of a response from the runs of several samples.
 
-    The variance within samples, sigma^2, is the mean square within the samples (MSW). Its
-    interval comes from a chi^2 distribution. The variance between samples, tau^2, is
-    (MSB - MSW) / n0 (SCM92), or 0 if this is negative. MSB is the mean square between
-    the samples, and n0 is a mean size of the samples.
+    The variance within samples, sigma^2, is the mean square within the samples (MSW).
+    Its interval comes from a chi^2 distribution. The variance between samples, tau^2,
+    is (MSB - MSW) / n0 (SCM92), or 0 if this is negative. MSB is the mean square
+    between the samples, and n0 is a mean size of the samples.
 
     The interval of the intraclass correlation uses F = h S^2 / MSW (TH78), where S^2 is
-    the variance of the means of the samples and h is the harmonic mean of their sizes. It
-    is exact if all samples have the same size.
+    the variance of the means of the samples and h is the harmonic mean of their sizes.
+    It is exact if all samples have the same size.
 
     Parameters
     ----------
@@ -128,9 +130,9 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
         )
 
     # Compute the mean squares within and between the groups (MSW, MSB).
-    freedom = n - n_groups
+    degrees_of_freedom = n - n_groups
     residuals = values - group_mean[group_of_value]
-    within = float(residuals @ residuals / freedom)
+    within = float(residuals @ residuals / degrees_of_freedom)
     between_square = float(
         group_size @ (group_mean - values.mean()) ** 2 / (n_groups - 1)
     )
@@ -140,8 +142,10 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     between = max(0.0, (between_square - within) / n0)
     total = between + within
     harmonic_size = n_groups / (1 / group_size).sum()
-    within_interval = _compute_within_interval(within, freedom)
-    icc_interval = _compute_icc_interval(within, freedom, group_mean, harmonic_size)
+    within_interval = _compute_within_interval(within, degrees_of_freedom)
+    icc_interval = _compute_icc_interval(
+        within, degrees_of_freedom, group_mean, harmonic_size
+    )
     return Components(
         groups=n_groups,
         values=n,
@@ -164,7 +168,7 @@ class _Interval(NamedTuple):
     high: float
 
 
-def _compute_within_interval(within: float, freedom: int) -> _Interval:
+def _compute_within_interval(within: float, degrees_of_freedom: int) -> _Interval:
     """Compute the interval of sigma^2, from its estimate and degrees of freedom.
 
     The estimate times the degrees of freedom, over sigma^2, has a chi^2 distribution.
@@ -172,7 +176,11 @@ def _compute_within_interval(within: float, freedom: int) -> _Interval:
     from scipy import stats  # half a second at start-up
 
     def compute_end(probability: float) -> float:
-        return float(within * freedom / stats.chi2.ppf(probability, freedom))
+        return float(
+            within
+            * degrees_of_freedom
+            / stats.chi2.ppf(probability, degrees_of_freedom)
+        )
 
     # The larger quantile gives the lower end, because it is a divisor.
     return _Interval(
@@ -181,7 +189,7 @@ def _compute_within_interval(within: float, freedom: int) -> _Interval:
 
 
 def _compute_icc_interval(
-    within: float, freedom: int, mean: np.ndarray, harmonic_size: float
+    within: float, degrees_of_freedom: int, mean: np.ndarray, harmonic_size: float
 ) -> _Interval:
     """Compute the interval of the intraclass correlation (TH78).
 
@@ -194,7 +202,7 @@ def _compute_icc_interval(
     ----------
     within : float
         Estimate of sigma^2.
-    freedom : int
+    degrees_of_freedom : int
         Its degrees of freedom.
     mean : numpy.ndarray, (k,)
         Mean of each group.
@@ -206,7 +214,7 @@ def _compute_icc_interval(
     between_square = harmonic_size * mean.var(ddof=1)
 
     def compute_end(probability: float) -> float:
-        F_quantile = stats.f.ppf(probability, len(mean) - 1, freedom)
+        F_quantile = stats.f.ppf(probability, len(mean) - 1, degrees_of_freedom)
         ratio = _divide(between_square, within * F_quantile)
         return _convert_to_icc((ratio - 1) / harmonic_size)
 
@@ -255,8 +263,8 @@ def estimate_within_covariance(
     for k, column in enumerate(values.T):
         group_of_value, group_size, group_mean = _group_values(column, groups)
         residuals[:, k] = column - group_mean[group_of_value]
-    freedom = len(values) - len(group_size)
-    return residuals.T @ residuals / max(freedom, 1), freedom
+    degrees_of_freedom = len(values) - len(group_size)
+    return residuals.T @ residuals / max(degrees_of_freedom, 1), degrees_of_freedom
 
 
 class Correlation(NamedTuple):
@@ -265,7 +273,7 @@ class Correlation(NamedTuple):
     value: float
     low: float
     high: float
-    freedom: int  # degrees of freedom
+    degrees_of_freedom: int  # degrees of freedom
 
 
 def estimate_residual_correlation(
@@ -293,13 +301,13 @@ def estimate_residual_correlation(
     """
     from scipy import stats  # half a second at start-up
 
-    covariance, freedom = estimate_within_covariance(
+    covariance, degrees_of_freedom = estimate_within_covariance(
         np.column_stack([first, second]), groups
     )
-    if freedom < MIN_FREEDOM:
+    if degrees_of_freedom < MIN_DEGREES_OF_FREEDOM:
         raise ValueError(
-            f"{freedom} degrees of freedom within samples; "
-            f"expected at least {MIN_FREEDOM}"
+            f"{degrees_of_freedom} degrees of freedom within samples; "
+            f"expected at least {MIN_DEGREES_OF_FREEDOM}"
         )
     if not (np.diagonal(covariance) > 0).all():
         raise ValueError(
@@ -307,9 +315,11 @@ def estimate_residual_correlation(
         )
     variance_product = covariance[0, 0] * covariance[1, 1]
     correlation = float(covariance[0, 1] / math.sqrt(variance_product))
-    # With n - 1 degrees of freedom, here `freedom`, the transformed correlation has the
-    # variance 1 / (n - 3).
-    half_width = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
+    # With n - 1 degrees of freedom, here `degrees_of_freedom`, the transformed
+    # correlation has the variance 1 / (n - 3).
+    half_width = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(
+        degrees_of_freedom - 2
+    )
     # Stay away from 1, where the transformation is infinite.
     limit = 1 - MIN_DISTANCE_FROM_ONE
     centre = math.atanh(min(max(correlation, -limit), limit))
@@ -317,7 +327,7 @@ def estimate_residual_correlation(
         value=correlation,
         low=math.tanh(centre - half_width),
         high=math.tanh(centre + half_width),
-        freedom=freedom,
+        degrees_of_freedom=degrees_of_freedom,
     )
 
 

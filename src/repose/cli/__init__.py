@@ -1,8 +1,8 @@
 """Run the command line with its subcommands.
 
 A subcommand is a function that is registered together with its options. The other
-modules of this package define the subcommands. A subcommand passes files and settings to
-other packages of `repose`. It imports these packages inside its function, so that
+modules of this package define the subcommands. A subcommand passes files and settings
+to other packages of `repose`. It imports these packages inside its function, so that
 printing the help and parsing options stay fast.
 """
 
@@ -113,8 +113,8 @@ def main(words: Sequence[str] | None = None) -> int:
         )
         return BAD_INPUT
     except BrokenPipeError:
-        # Python flushes stdout again when it ends. Write to the null device instead, where
-        # this cannot fail.
+        # Python flushes stdout again when it ends. Write to the null device instead,
+        # where this cannot fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (InputError, OSError) as error:

@@ -28,7 +28,8 @@ def load_grain_and_particle(
     study : PipelineConfig
         The study.
     berry_json, particle_json : path, optional
-        The files of --berry and --particle. If one is None, the study supplies its content.
+        The files of --berry and --particle. If one is None, the study supplies its
+        content.
 
     Returns
     -------

@@ -337,11 +337,11 @@ def _find_support(args: argparse.Namespace, study: PipelineConfig) -> "Support |
     if not args.dataset:
         return None
     from repose.calibrate.dataset_files import read_definitions
-    from repose.calibrate.responses import refuse_other_definitions
+    from repose.calibrate.responses import reject_other_definitions
     from repose.calibrate.surrogates.support import Support
 
     definitions, summary = read_definitions(args.dataset)
-    refuse_other_definitions(
+    reject_other_definitions(
         definitions, summary, expected=study.definitions, source=args.config
     )
     return Support.from_dataset(args.dataset, study.parameters)

@@ -9,8 +9,8 @@ from repose.config.pipeline import PipelineConfig
 
 # Number of cards that each action needs.
 N_CARDS = {"show": 1, "compare": 2, "check": 1}
-# Exit statuses of `card check`: some targets are not met, or the check is undecided because
-# it has too few runs or none.
+# Exit statuses of `card check`: some targets are not met, or the check is undecided
+# because it has too few runs or none.
 NOT_MET_STATUS = 3
 UNDECIDED_STATUS = 4
 # The options of `material_card` that name a file whose content becomes a part of the

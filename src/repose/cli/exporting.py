@@ -363,8 +363,8 @@ def _replace_particle_by_clump(
     """Make a copy of a study, with a clump of spheres as its particle.
 
     A clump may need a shorter time step than a smooth body, because the stiffnesses of
-    its overlapping spheres add up. The changed configuration is also stored in the record
-    of the current stage.
+    its overlapping spheres add up. The changed configuration is also stored in the
+    record of the current stage.
 
     Parameters
     ----------

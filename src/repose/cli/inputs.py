@@ -171,7 +171,7 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
     # With our simulator the design is a table of samples.
     if isinstance(study, PipelineConfig):
         design_stage.write_design(study.parameters, study.settings.design, args.out)
-        _print_allowed_share(study.parameters)
+        _print_allowed_fraction(study.parameters)
         return
 
     # For the user's own simulator, it is a table of runs, some of which share a sample.
@@ -180,14 +180,14 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
     write_table(path, table)
     n_samples = table["sample"].nunique()
     print(f"{path}: {len(table)} runs of {n_samples} samples to simulate")
-    _print_allowed_share(study.parameters)
+    _print_allowed_fraction(study.parameters)
 
 
-def _print_allowed_share(space: "ParameterSpace") -> None:
+def _print_allowed_fraction(space: "ParameterSpace") -> None:
     """Print which share of the ranges the constraints allow, if there are any."""
     if space.constraints:
         rules = ", ".join(constraint.text for constraint in space.constraints)
         print(
-            f"{rules}: {100 * space.allowed_share:.0f} % of the ranges are allowed; the "
+            f"{rules}: {100 * space.allowed_fraction:.0f} % of the ranges are allowed; the "
             "samples are spread evenly over them, but do not form a Latin hypercube"
         )

@@ -1,7 +1,8 @@
 """End `repose run` cleanly after Ctrl-C, a cluster's time limit or a closed terminal.
 
-After SIGTERM Snakemake waits for its jobs, and it does not handle SIGHUP. With this module
-both signals act like Ctrl-C: finished results are kept, and running jobs are ended.
+After SIGTERM Snakemake waits for its jobs, and it does not handle SIGHUP. With this
+module both signals act like Ctrl-C: finished results are kept, and running jobs are
+ended.
 """
 
 import contextlib
@@ -58,8 +59,8 @@ class Interruption:
         for number in self._forwarded_signals:
             self._earlier_handlers[number] = signal.signal(number, lambda *_: None)
 
-        # Snakemake replaces the handler of SIGTERM. But Python also writes the number of
-        # every signal into this pipe, from which a thread reads it.
+        # Snakemake replaces the handler of SIGTERM. But Python also writes the number
+        # of every signal into this pipe, from which a thread reads it.
         self._reading_end, self._writing_end = os.pipe()
         os.set_blocking(self._writing_end, False)
         self._earlier_wakeup_fd = signal.set_wakeup_fd(
@@ -94,8 +95,8 @@ class Interruption:
     def _forward_signals(self) -> None:
         """Wait for signals, and send SIGINT to this process after SIGTERM or SIGHUP.
 
-        Snakemake ends at SIGINT but not at the other two. The loop runs in a thread until
-        it reads `END_BYTE`.
+        Snakemake ends at SIGINT but not at the other two. The loop runs in a thread
+        until it reads `END_BYTE`.
         """
         while True:
             # Each signal is one byte. `os.read` blocks until the next one.
@@ -126,10 +127,10 @@ class Interruption:
     def _wait_for_threads(self) -> None:
         """Wait for the threads of the run, while another thread ends the jobs they start.
 
-        Snakemake runs each job in a thread and waits for these threads. If the exception
-        is raised while Snakemake starts a thread, it does not know this thread and does
-        not wait for it. Python itself would wait for the thread at the end of the
-        program, when nothing interrupts its job any more.
+        Snakemake runs each job in a thread and waits for these threads. If the
+        exception is raised while Snakemake starts a thread, it does not know this
+        thread and does not wait for it. Python itself would wait for the thread at the
+        end of the program, when nothing interrupts its job any more.
         """
         # A thread that has not begun by the time limit will never begin, because the
         # exception was raised before the system had created it.
@@ -144,7 +145,8 @@ class Interruption:
     def _end_jobs(self) -> None:
         """Send SIGINT to each running job, and again to one that does not end soon.
 
-        Ctrl-C on a terminal reaches the jobs directly. A signal to this program does not.
+        Ctrl-C on a terminal reaches the jobs directly. A signal to this program does
+        not.
         """
         # This library belongs to the optional dependencies `workflow`.
         import psutil

@@ -559,8 +559,8 @@ def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
     Raises
     ------
     InputError
-        If two overlays have the same path, a picture is given twice, or an overlay would
-        replace a picture or a file of the user.
+        If two overlays have the same path, a picture is given twice, or an overlay
+        would replace a picture or a file of the user.
     """
     from repose.common.ledger import check_replaceable
 
@@ -655,8 +655,8 @@ def _write_overlays(
 ) -> None:
     """Draw what was measured into each photograph, and write the pictures.
 
-    For a photograph without a measurable pile, the overlay shows the area that was taken
-    for the pile.
+    For a photograph without a measurable pile, the overlay shows the area that was
+    taken for the pile.
 
     Parameters
     ----------
@@ -750,7 +750,8 @@ def _measure_beds(
         write_image(overlay, photographs.stack_views(result.views))
     _require_measured_bed(results, args.bench)
 
-    # Write the tables. Each number that is measured in a bed has the name of its response.
+    # Write the tables. Each number that is measured in a bed has the name of its
+    # response.
     out = Path(args.out)
     tables = photographs.make_tables(results, args.bench)
     responses = {name: name for name in photographs.RESPONSES[args.bench]}
@@ -819,7 +820,7 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
         return _compute_scale_of_length(args)
     if args.mm_per_pixel is not None:
         _require_between("--mm-per-pixel", args.mm_per_pixel, *PIXEL_SIZE_LIMITS_MM)
-        _refuse_lens(args)
+        _reject_lens(args)
         return Scale(args.square_mm, args.mm_per_pixel, args.base_row)
     return Scale(args.square_mm, base_row=args.base_row)
 
@@ -863,7 +864,7 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
         )
     mm_per_pixel, level_deg = result
     _require_between("--length", mm_per_pixel, *PIXEL_SIZE_LIMITS_MM)
-    _refuse_lens(args)
+    _reject_lens(args)
     return Scale(
         args.square_mm,
         mm_per_pixel,
@@ -873,7 +874,7 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
     )
 
 
-def _refuse_lens(args: argparse.Namespace) -> None:
+def _reject_lens(args: argparse.Namespace) -> None:
     """Refuse --lens, which needs the sheet, if the scale does not come from the sheet."""
     if args.lens:
         raise InputError(
@@ -899,8 +900,9 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     """Make the settings of the measurement from the study of --config and the options.
 
     Without a study these are the default settings. The height of a grain comes from
-    --grain-mm, from the study, or from measured sizes, in this order. Without a study the
-    measured sizes are those in sizes.csv in the working folder, if there is such a file.
+    --grain-mm, from the study, or from measured sizes, in this order. Without a study
+    the measured sizes are those in sizes.csv in the working folder, if there is such a
+    file.
 
     Parameters
     ----------
@@ -953,8 +955,8 @@ def _read_mean_axes(sizes_csv: str, keeps_volume: bool) -> dict[str, float]:
     Raises
     ------
     InputError
-        If the table is faulty. The message also names the option --grain-mm, which makes
-        the table unnecessary.
+        If the table is faulty. The message also names the option --grain-mm, which
+        makes the table unnecessary.
     """
     from repose.grain.berry import compute_mean_axes
     from repose.grain.berry_files import read_sizes

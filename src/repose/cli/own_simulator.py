@@ -286,8 +286,8 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.common.ledger import check_replaceable
     from repose.common.tables import print_columns
 
-    # The calibration takes minutes. So check first that it will replace no file that the
-    # user has made.
+    # The calibration takes minutes. So check first that it will replace no file that
+    # the user has made.
     out = Path(args.out)
     file_names = (
         *calibration.TABLE_FILES,

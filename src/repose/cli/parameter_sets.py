@@ -13,7 +13,7 @@ from repose.stages.parameter_sets import read_sample
 
 # Largest number of runs of a parameter set in one call, far more than the 1000 that a
 # study may have.
-MOST_SEEDS = 10_000
+MAX_SEEDS = 10_000
 PARAMETER_SET = (
     Option(
         "--set",
@@ -86,8 +86,8 @@ def read_parameters(
     Parameters
     ----------
     assignments : sequence of str
-        The values of --set, each of the form NAME=VALUE. Parameters without a value take
-        the centre of their range.
+        The values of --set, each of the form NAME=VALUE. Parameters without a value
+        take the centre of their range.
     samples : str or None
         The table of --samples, which replaces --set.
     sample : int or None
@@ -257,12 +257,12 @@ def choose_seeds(
     """
     if args.seeds is None:
         return read_seeds(args.seed)
-    if args.seed or not 1 <= args.seeds <= MOST_SEEDS:
+    if args.seed or not 1 <= args.seeds <= MAX_SEEDS:
         raise InputError(
             "command line",
             key="--seeds",
             value=args.seeds,
-            allowed=f"from 1 to {MOST_SEEDS}, without --seed",
+            allowed=f"from 1 to {MAX_SEEDS}, without --seed",
         )
     # Without a sample, draw the seeds for number 0, which no sample has.
     sample = args.sample or 0

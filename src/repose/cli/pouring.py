@@ -100,7 +100,8 @@ def _measure_and_store(
 ) -> None:
     """Measure saved runs and store the result, unless it has already been stored.
 
-    The record of the result names the stage measure_runs, which can then use the result.
+    The record of the result names the stage measure_runs, which can then use the
+    result.
 
     Parameters
     ----------
@@ -116,7 +117,8 @@ def _measure_and_store(
     from repose.stages import kept_runs
     from repose.stages.job import measure_runs
 
-    # Record the result as if the subcommand measure_runs had been called with this file.
+    # Record the result as if the subcommand measure_runs had been called with this
+    # file.
     options = vars(args) | {"subcommand": "measure_runs", "pours": [str(pours)]}
     with record_subcommand(argparse.Namespace(**options), "measured"):
         provenance.note_config(study.config)

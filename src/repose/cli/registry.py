@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 PROGRAM = "repose"
 # Endings of the names of configuration files.
 CONFIG_SUFFIXES = (".yaml", ".yml", ".json")
-# The type of a function that makes the study of a subcommand from its options. It is None
-# for a subcommand without a study.
+# The type of a function that makes the study of a subcommand from its options. It is
+# None for a subcommand without a study.
 Loader: TypeAlias = (
     "Callable[[argparse.Namespace], PipelineConfig | Study | None] | None"
 )
@@ -258,8 +258,8 @@ def subcommand(
 ) -> Callable[[Callable], Callable]:
     """Register the decorated function as a subcommand of the same name.
 
-    The docstring of the function becomes the help. It must end with a section "Examples"
-    that has one call of the subcommand.
+    The docstring of the function becomes the help. It must end with a section
+    "Examples" that has one call of the subcommand.
 
     Parameters
     ----------

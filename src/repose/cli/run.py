@@ -28,8 +28,8 @@ FILES_HELP = "each over the one before it; one of the program's own needs no cop
 # If a signal ends a program, its exit status is this number plus that of the signal.
 SIGNAL_STATUS = 128
 DRY_RUN_WORDS = {"-n", "--dry-run", "--dryrun"}
-# The options of `run` that snakemake also has. The last one takes exactly one value, see
-# `build_snakemake_arguments`.
+# The options of `run` that snakemake also has. The last one takes exactly one value,
+# see `build_snakemake_arguments`.
 FORWARDED_OPTIONS = (
     "configfile",
     "config",
@@ -355,8 +355,8 @@ def build_snakemake_arguments(args: argparse.Namespace) -> list[str]:
     if not (args.cores or args.jobs or has_profile):
         values["cores"] = "all"
 
-    # The last option in `FORWARDED_OPTIONS` takes exactly one value. An option with several
-    # values would read the target that follows as a value.
+    # The last option in `FORWARDED_OPTIONS` takes exactly one value. An option with
+    # several values would read the target that follows as a value.
     words = []
     for name in FORWARDED_OPTIONS:
         value = values[name]

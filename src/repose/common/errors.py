@@ -12,7 +12,7 @@ from repose.dem.errors import did_you_mean as did_you_mean
 BAD_INPUT = 2
 # Largest number of faults that are reported one by one. A file of another program may
 # have a fault in every key.
-MOST_REPORTED = 30
+MAX_REPORTED = 30
 
 
 class YamlError(InputError):
@@ -42,8 +42,8 @@ class InputErrors(InputError):
 
     def __str__(self) -> str:
         """Write the messages of the first faults, and the number of the others."""
-        lines = [str(fault) for fault in self.faults[:MOST_REPORTED]]
-        unreported = self.faults[MOST_REPORTED:]
+        lines = [str(fault) for fault in self.faults[:MAX_REPORTED]]
+        unreported = self.faults[MAX_REPORTED:]
         if unreported:
             lines.append(f"{unreported[0].source}: {len(unreported)} more faults")
         return "\n".join(lines)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from repose.common.errors import MOST_REPORTED, InputError, YamlError
+from repose.common.errors import MAX_REPORTED, InputError, YamlError
 from repose.common.keys import Origin, find_file_to_edit, find_source_file, follow_path
 from repose.common.section import AUTO, CONTRADICTION
 
@@ -331,8 +331,8 @@ def _find_errors(config: Any, model: Model) -> list[_Error]:
     """
     details = _list_validation_errors(config, model)
     errors = [_locate_error(detail, make_schema(model)) for detail in details]
-    # Pydantic also reports a list as too short if its entries are invalid. Leave out this
-    # error, because the errors of the entries are reported.
+    # Pydantic also reports a list as too short if its entries are invalid. Leave out
+    # this error, because the errors of the entries are reported.
     keys_with_inner_errors = {error.path[0] for error in errors if len(error.path) > 1}
     reported = [
         error
@@ -350,8 +350,8 @@ def _locate_error(detail: ErrorDetails, whole_schema: Mapping[str, Any]) -> _Err
     Parameters
     ----------
     detail : ErrorDetails
-        The error. Its location is a path of keys, which may continue beyond the key with
-        a type of the value.
+        The error. Its location is a path of keys, which may continue beyond the key
+        with a type of the value.
     whole_schema : mapping
         The schema of the whole configuration.
 
@@ -391,8 +391,8 @@ def _make_faults(
     Parameters
     ----------
     errors : list of _Error
-        The result of `_find_errors`. Unknown keys must come first: a missing key that one
-        of them was probably meant to be is not reported.
+        The result of `_find_errors`. Unknown keys must come first: a missing key that
+        one of them was probably meant to be is not reported.
     config : object
         The configuration.
     source : str or Origin
@@ -413,9 +413,10 @@ def _make_faults(
         if error.type in UNKNOWN_KEY_TYPES:
             section = find_schema(error.path, model)
             known_keys = sorted(section["properties"])
-            # Guessing takes time, so guess only for faults that are reported one by one.
+            # Guessing takes time, so guess only for faults that are reported one by
+            # one.
             guess = None
-            if n_unknown_keys < MOST_REPORTED:
+            if n_unknown_keys < MAX_REPORTED:
                 guess = _guess_key(str(error.unknown), known_keys)
             n_unknown_keys += 1
             # The key that was meant is missing because it is misspelt.

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 StrPath = str | os.PathLike
 # Type that the value of a key must have, or several allowed types.
 Kind = type | tuple[type, ...]
-# Column that only a record of runs has: the number of the proposal to which a run belongs.
+# Column that only a record of runs has: the number of the proposal to which a run
+# belongs.
 TURN_COLUMN = "turn"
 KIND_NAMES = {
     int: "an integer",
@@ -352,12 +353,13 @@ def read_npz(
     """
     import numpy as np
 
-    # For a plain .npy file numpy returns an array. An array is not a context manager, so
-    # `with` raises a TypeError.
+    # For a plain .npy file numpy returns an array. An array is not a context manager,
+    # so `with` raises a TypeError.
     unreadable = (*attached.READ_ERRORS, TypeError, MemoryError)
     try:
         with np.load(attached.require_plain_file(path), allow_pickle=False) as store:
-            # Check the names before unpacking: a small file may hold gigabytes of zeros.
+            # Check the names before unpacking: a small file may hold gigabytes of
+            # zeros.
             for key in keys:
                 if key not in store.files:
                     raise InputError(

@@ -191,8 +191,8 @@ def _read_ledger(folder: Path) -> dict[str, set[str]]:
             digest, name = match.groups()
             digests[name].add(digest)
 
-    # A ledger without any entry may still have lines that were cut off. With other lines,
-    # the file is something else.
+    # A ledger without any entry may still have lines that were cut off. With other
+    # lines, the file is something else.
     lines = [*whole_lines, last_line]
     if not digests and not all(map(CUT_OFF_PATTERN.fullmatch, lines)):
         raise InputError(

@@ -111,8 +111,9 @@ def lock_folder_for_job(folder: str | os.PathLike) -> Iterator[None]:
     """Lock a folder of results for a job of its workflow.
 
     The next workflow in this folder waits for the job. When the job ends, its processor
-    time is added to the table of the folder (`repose.common.usage`). If no workflow uses
-    the folder, for example when a user calls a subcommand, nothing is locked or written.
+    time is added to the table of the folder (`repose.common.usage`). If no workflow
+    uses the folder, for example when a user calls a subcommand, nothing is locked or
+    written.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ LARGEST_PLAIN = 1e5
 SMALLEST_PLAIN = 1e-4
 # Significant digits of a standard error, which is itself uncertain, and of a number.
 DIGITS_OF_ERROR = 2
-MOST_DIGITS = 4
+MAX_SIGNIFICANT_DIGITS = 4
 
 
 def format_significant(value: float, digits: int = 4, sign: str = "") -> str:
@@ -55,8 +55,8 @@ def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
     if error is None:
         return format_significant(mean, sign=sign)
 
-    # Numbers that are tiny or infinite have no fixed number of decimals. Write both numbers
-    # without aligning their decimals.
+    # Numbers that are tiny or infinite have no fixed number of decimals. Write both
+    # numbers without aligning their decimals.
     can_align = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
     if not can_align:
         mean_text = format_significant(mean, sign=sign)
@@ -67,7 +67,9 @@ def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
     decimals_of_error = _count_decimals(rounded_error, DIGITS_OF_ERROR)
     decimals_of_mean = decimals_of_error
     if mean != 0:
-        decimals_of_mean = min(decimals_of_error, _count_decimals(mean, MOST_DIGITS))
+        decimals_of_mean = min(
+            decimals_of_error, _count_decimals(mean, MAX_SIGNIFICANT_DIGITS)
+        )
     mean_text = f"{mean:{sign}.{decimals_of_mean}f}"
     return f"{mean_text} +- {rounded_error:.{decimals_of_error}f}"
 

@@ -38,8 +38,8 @@ def list_default_configs() -> list[Path]:
     Returns
     -------
     list of Path
-        The first file is always the configuration of the method. What follows depends on
-        the working folder:
+        The first file is always the configuration of the method. What follows depends
+        on the working folder:
 
         - with a file `config/config.yaml`: the built-in crop, and this file;
         - with a file `config.yaml`: this file;

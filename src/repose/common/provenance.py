@@ -32,8 +32,8 @@ Inputs = Iterable[tuple[Path, Record | None]]  # files with their records
 ENGINE_ROOMS = ("dem", "grain", "bench")
 CPU_INFO = Path("/proc/cpuinfo")
 COMMIT_FILE = "commit.txt"  # among the program's data files; a build writes it
-# These environment variables make numba and numpy behave as on another type of processor.
-# Results then differ in their last bits.
+# These environment variables make numba and numpy behave as on another type of
+# processor. Results then differ in their last bits.
 FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
 
 
@@ -108,12 +108,12 @@ def record_stage(
     Raises
     ------
     InputError
-        If the input files do not belong together (`refuse_mixture`).
+        If the input files do not belong together (`reject_mixture`).
     """
     inputs: list[tuple[Path, Record | None]] = [
         (path, attached.read_record(path)) for path in paths
     ]
-    refuse_mixture(inputs)
+    reject_mixture(inputs)
 
     # Collect the first entries of the record.
     heading: dict[str, Any] = {"verb": verb}
@@ -177,8 +177,8 @@ def get_current_record() -> dict[str, Any] | None:
 def _make_record(current_stage: _Stage) -> dict[str, Any]:
     """Make the record of a stage.
 
-    Its entry ``origin`` is a hash of the stage, its settings, the engine and the origins
-    of its input files. Results with the same origin are therefore equal.
+    Its entry ``origin`` is a hash of the stage, its settings, the engine and the
+    origins of its input files. Results with the same origin are therefore equal.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def _first_entry(inputs: Inputs, key: str) -> Any:
     return None
 
 
-def refuse_mixture(inputs: Inputs) -> None:
+def reject_mixture(inputs: Inputs) -> None:
     """Refuse input files that do not belong together.
 
     Results must come from one engine. Runs of a bench test become rows of one table, so

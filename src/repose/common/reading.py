@@ -23,7 +23,7 @@ PLAIN_NUMBER = re.compile(
 )
 # Largest number of characters of all values, once aliases are replaced by the values
 # that they stand for. The configuration paper.yaml has about 5,000 characters.
-MOST_CHARACTERS = 200_000
+MAX_CHARACTERS = 200_000
 # The tag of the key <<, which copies the keys of another mapping.
 MERGE_TAG = "tag:yaml.org,2002:merge"
 # Errors that PyYAML raises besides its own: for a date that does not exist, a tag
@@ -255,12 +255,12 @@ def _construct_document(text: str, name: str) -> Any:
             return None
         # A few lines with nested aliases can stand for more than the memory can hold.
         n_characters = _count_characters(node, {})
-        if n_characters > MOST_CHARACTERS:
+        if n_characters > MAX_CHARACTERS:
             raise InputError(
                 name,
                 key="characters once every alias is replaced",
                 value=n_characters,
-                allowed=f"at most {MOST_CHARACTERS}",
+                allowed=f"at most {MAX_CHARACTERS}",
             )
         return loader.construct_document(node)
     finally:
@@ -323,8 +323,8 @@ def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
     Returns
     -------
     tuple of int and str, or None
-        Number of the line, counted from 1, and its text. None if no line without a colon
-        is known to be wrong.
+        Number of the line, counted from 1, and its text. None if no line without a
+        colon is known to be wrong.
     """
     for number, text in enumerate(lines, start=1):
         if KEY_AT_MARGIN.match(text):

@@ -90,8 +90,8 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class Section(BaseModel):
     """Base class of a section, which refuses unknown keys and infinite numbers.
 
-    Values are not converted, so true is not accepted as a number. There is one exception:
-    a file may write a whole number as 8.0
+    Values are not converted, so true is not accepted as a number. There is one
+    exception: a file may write a whole number as 8.0
     (`repose.common.faults.convert_whole_numbers`).
     """
 

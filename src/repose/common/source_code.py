@@ -31,7 +31,7 @@ WITHOUT_NUMBERS = (
 SUMMARY_FORMAT = b"3"
 DATA_SUFFIXES = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
 # Largest number of stored summaries of files: enough for a few versions of the package.
-MOST_SUMMARIES = 1500
+MAX_SUMMARIES = 1500
 # Arguments that only explain something: those of pydantic's `Field` explain a key,
 # those of `Drawn` a figure.
 EXPLAINING_ARGUMENTS = {
@@ -306,8 +306,8 @@ def _summarise_file(file: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``code``: a hash. ``imports``: pairs of a level and a dotted name; the level is 0
-        for an absolute import. ``imports_by_name``: whether the file calls
+        ``code``: a hash. ``imports``: pairs of a level and a dotted name; the level is
+        0 for an absolute import. ``imports_by_name``: whether the file calls
         `importlib.import_module`.
     """
     content = _read_source(file)
@@ -413,7 +413,7 @@ def store_new_summaries() -> None:
         # one.
         new_path = path.with_name(f"{path.name}.{os.getpid()}.part")
         # New summaries are added at the end, so the last ones are the newest.
-        newest = dict(list(_load_stored_summaries().items())[-MOST_SUMMARIES:])
+        newest = dict(list(_load_stored_summaries().items())[-MAX_SUMMARIES:])
         new_path.write_text(json.dumps(newest), encoding="utf-8")
         new_path.replace(path)
     except (OSError, RuntimeError):

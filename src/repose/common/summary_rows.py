@@ -13,16 +13,16 @@ import numpy as np
 
 # A row is compared with the statistics of the rows above it only if there are at least
 # this many of these rows, and at least this many columns to compare.
-FEWEST_ROWS_ABOVE = 3
-FEWEST_COLUMNS = 3
+MIN_ROWS_ABOVE = 3
+MIN_SUMMARY_COLUMNS = 3
 # The standard deviation of a compared column must be at least this many units of the
 # last digit. In a coarser column, an ordinary row may equal the rounded mean by chance.
-FEWEST_UNITS_OF_SCATTER = 5.0
+MIN_UNITS_OF_SCATTER = 5.0
 # Largest difference between a statistic and its printed value. It is slightly more than
-# half a unit of the last digit, plus the error of the sum of the numbers, as a share of
-# their size.
+# half a unit of the last digit, plus the error of the sum of the numbers, as a fraction
+# of their size.
 ROUNDING_UNITS = 0.501
-SUM_ERROR_SHARE = 1e-12
+SUM_ERROR_FRACTION = 1e-12
 STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
     "mean": np.mean,
     "minimum": np.min,
@@ -97,7 +97,7 @@ def _find_equal_statistic(
         A name of `STATISTICS`; empty if there is no such statistic.
     """
     compared_columns = _find_compared_columns(row, rows_above, last_digits)
-    if len(compared_columns) < FEWEST_COLUMNS:
+    if len(compared_columns) < MIN_SUMMARY_COLUMNS:
         return ""
 
     # A row that repeats an earlier one is a repeated measurement, not a summary.
@@ -111,7 +111,7 @@ def _find_equal_statistic(
             numbers = rows_above[:, column]
             numbers = numbers[np.isfinite(numbers)]
             difference = abs(compute(numbers) - row[column])
-            sum_error = SUM_ERROR_SHARE * np.abs(numbers).max()
+            sum_error = SUM_ERROR_FRACTION * np.abs(numbers).max()
             is_close.append(
                 difference <= ROUNDING_UNITS * last_digits[column] + sum_error
             )
@@ -146,8 +146,8 @@ def _find_compared_columns(
     scatters = np.array(
         [
             math.isfinite(row[k])
-            and counts[k] >= FEWEST_ROWS_ABOVE
-            and np.nanstd(rows_above[:, k]) >= FEWEST_UNITS_OF_SCATTER * last_digit
+            and counts[k] >= MIN_ROWS_ABOVE
+            and np.nanstd(rows_above[:, k]) >= MIN_UNITS_OF_SCATTER * last_digit
             for k, last_digit in enumerate(last_digits)
         ],
         dtype=bool,
@@ -159,7 +159,7 @@ def _find_compared_columns(
 
     # Repeated runs of a set repeat its parameters, so count each set only once.
     n_sets = len({values.tobytes() for values in rows_above[:, ~is_measured]})
-    differs_between_sets = (different_counts >= FEWEST_ROWS_ABOVE) & (
+    differs_between_sets = (different_counts >= MIN_ROWS_ABOVE) & (
         2 * different_counts > n_sets
     )
     # The centre of a design equals its mean on purpose.

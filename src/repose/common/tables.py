@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 StrPath = str | os.PathLike
-# An invalid cell: its row, counted from 0, its column, its value, and the allowed values.
+# An invalid cell: its row, counted from 0, its column, its value, and the allowed
+# values.
 Fault = tuple[int, str, Any, str]
 
 
@@ -63,10 +64,10 @@ SEPARATOR_LINE_PATTERN = re.compile(r'"?sep=."?', re.IGNORECASE)
 BLANKS_PATTERN = r"\s+"  # separates cells if the header has none of `SEPARATORS`
 # A message describes the columns that are not read: at most this many of them, each
 # with at most this many of its values.
-MOST_DESCRIBED_COLUMNS = 30
-MOST_SHOWN_VALUES = 5
+MAX_DESCRIBED_COLUMNS = 30
+MAX_SHOWN_VALUES = 5
 # If an extreme of measured numbers occurs at least this often, it may mark failed runs.
-FEWEST_REPEATS = 3
+MIN_REPEATS = 3
 NUMBER_PATTERN = re.compile(
     r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?)\s*",
     re.ASCII | re.IGNORECASE,
@@ -266,8 +267,8 @@ def holds_numbers(cells: Iterable[str]) -> bool:
 def holds_measurements(cells: Iterable[str]) -> bool:
     """Tell whether a column holds measured numbers.
 
-    At least one of them must have a decimal point, because a column of integers may be a
-    label.
+    At least one of them must have a decimal point, because a column of integers may be
+    a label.
     """
     cells = list(cells)
     return holds_numbers(cells) and any(
@@ -304,8 +305,8 @@ def read(
     path : path
         A CSV file in one of the forms that `read_sheet` accepts.
     columns : iterable of str or Column
-        Columns that the table must have, except a `Column` that is not `needed`. A column
-        that is given as `Column` is declared: its cells are converted to values.
+        Columns that the table must have, except a `Column` that is not `needed`. A
+        column that is given as `Column` is declared: its cells are converted to values.
     what : str
         What the file should be, for messages.
     is_number_column : callable
@@ -315,8 +316,8 @@ def read(
     optional : iterable of str
         Names of other columns that the table may have.
     find_unused_rows : callable, optional
-        Finds from the cells the rows whose numbers the caller does not use. They are not
-        compared with the rows above them.
+        Finds from the cells the rows whose numbers the caller does not use. They are
+        not compared with the rows above them.
 
     Returns
     -------
@@ -599,7 +600,7 @@ def _describe_extreme(numbers: np.ndarray, value: float) -> str:
     """
     _, counts = np.unique(numbers, return_counts=True)
     count = int((numbers == value).sum())
-    if count >= FEWEST_REPEATS and np.median(counts) == 1:
+    if count >= MIN_REPEATS and np.median(counts) == 1:
         return f"{format_significant(value)} ({count} times)"
     return format_significant(value)
 
@@ -621,7 +622,7 @@ def describe_unread(
     -------
     dict of str to str
         A sentence for each column, such as ``column done is not read; it has 'True' 12
-        times, 'False' 4 times``. If there are more than `MOST_DESCRIBED_COLUMNS`
+        times, 'False' 4 times``. If there are more than `MAX_DESCRIBED_COLUMNS`
         columns, the key "" has a sentence with the number of the others.
     """
     sentences: dict[str, str] = {}
@@ -631,10 +632,10 @@ def describe_unread(
         is_constant = len(counts) < 2
         if is_constant:
             continue
-        if len(sentences) == MOST_DESCRIBED_COLUMNS:
+        if len(sentences) == MAX_DESCRIBED_COLUMNS:
             n_undescribed += 1
             continue
-        has_few_values = len(counts) <= MOST_SHOWN_VALUES and len(counts) < len(cells)
+        has_few_values = len(counts) <= MAX_SHOWN_VALUES and len(counts) < len(cells)
         hint = hint_if_few if has_few_values else ""
         described_name = f"column {name}" if name else UNNAMED
         sentences[name or UNNAMED] = (
@@ -656,11 +657,11 @@ def _list_frequent_values(counts: "Counter[str]") -> str:
     Returns
     -------
     str
-        A list such as ``'True' 12 times, 'False' once``. At most `MOST_SHOWN_VALUES`
+        A list such as ``'True' 12 times, 'False' once``. At most `MAX_SHOWN_VALUES`
         values are listed, and the others are counted.
     """
     texts = []
-    for value, count in counts.most_common(MOST_SHOWN_VALUES):
+    for value, count in counts.most_common(MAX_SHOWN_VALUES):
         times = "once" if count == 1 else f"{count} times"
         texts.append(f"{shown(value)} {times}")
     n_others = len(counts) - len(texts)
@@ -679,11 +680,11 @@ def read_sheet(
 ) -> Table:
     """Read the cells of a table as text.
 
-    The encoding is UTF-8, with or without a byte order mark, or UTF-16 with one. Commas,
-    semicolons or tabs separate the cells, or blanks if the header has none of these. With
-    semicolons and tabs a number may have a decimal comma. Lines that begin with ``#`` are
-    comments. Empty rows, empty columns without a name, and a first line such as ``sep=;``
-    are left out.
+    The encoding is UTF-8, with or without a byte order mark, or UTF-16 with one.
+    Commas, semicolons or tabs separate the cells, or blanks if the header has none of
+    these. With semicolons and tabs a number may have a decimal comma. Lines that begin
+    with ``#`` are comments. Empty rows, empty columns without a name, and a first line
+    such as ``sep=;`` are left out.
 
     Parameters
     ----------
@@ -968,8 +969,8 @@ def _require_complete_last_row(
     path : path
         The file, for the message.
     last_line : str
-        The text after the last line break. In a complete file it is empty, or a row with
-        all its cells.
+        The text after the last line break. In a complete file it is empty, or a row
+        with all its cells.
     separator : str
         The character that separates the cells, or `BLANKS_PATTERN`.
     n_columns : int
@@ -1055,7 +1056,8 @@ def _find_separator(header: str) -> str:
     Returns
     -------
     str
-        The most frequent of `SEPARATORS`, or `BLANKS_PATTERN` if the header has none of them.
+        The most frequent of `SEPARATORS`, or `BLANKS_PATTERN` if the header has none of
+        them.
     """
     separator = max(SEPARATORS, key=header.count)
     if separator not in header and " " in header.strip():
@@ -1113,7 +1115,8 @@ def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.Dat
             "a decimal comma needs ; between the columns",
         ) from None
 
-    # Remove the blanks around each cell, and leave out rows in which all cells are empty.
+    # Remove the blanks around each cell, and leave out rows in which all cells are
+    # empty.
     cells = cells.map(str.strip)
     has_content = (cells != "").any(axis=1)
     cells = cells[has_content].reset_index(drop=True)
@@ -1149,7 +1152,8 @@ def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFra
     if not has_comma.to_numpy().any():
         return cells
 
-    # Refuse the first number with a point. The message also shows a number with a comma.
+    # Refuse the first number with a point. The message also shows a number with a
+    # comma.
     has_point = cells.map(
         lambda cell: DECIMAL_POINT_PATTERN.fullmatch(cell) is not None
     )
@@ -1235,8 +1239,8 @@ def _read_column(
     values : list
         The value of each cell; NaN for an invalid cell.
     faults : list of Fault
-        The invalid cells. In a column whose values must differ, these are also cells that
-        repeat an earlier value.
+        The invalid cells. In a column whose values must differ, these are also cells
+        that repeat an earlier value.
     """
     values: list[Any] = []
     faults: list[Fault] = []

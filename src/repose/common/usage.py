@@ -101,8 +101,8 @@ def record_process(folder: str | os.PathLike) -> None:
         with open_descriptor(table, os.O_APPEND) as handle:
             is_new = os.fstat(handle).st_size == 0
             header = ",".join(Process._fields) + "\n" if is_new else ""
-            # Use a single write, so that lines of processes that end at the same time do
-            # not mix.
+            # Use a single write, so that lines of processes that end at the same time
+            # do not mix.
             os.write(handle, f"{header}{line}".encode())
 
 
@@ -179,8 +179,8 @@ def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) 
 def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
     """Replace the processor time in the benchmark of a job by that of its processes.
 
-    A benchmark is a table, separated by tabs, with a header and a row for each run of the
-    job. Only the last row is changed.
+    A benchmark is a table, separated by tabs, with a header and a row for each run of
+    the job. Only the last row is changed.
 
     Parameters
     ----------
@@ -198,8 +198,8 @@ def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
     names = header.split("\t")
     values = last_row.split("\t")
 
-    # Snakemake writes the file at the end of a run. Subtract the duration of the last run
-    # to find its start, and leave out the processes of earlier runs.
+    # Snakemake writes the file at the end of a run. Subtract the duration of the last
+    # run to find its start, and leave out the processes of earlier runs.
     duration_s = float(values[names.index(DURATION_COLUMN)])
     start_s = path.stat().st_mtime - duration_s - CLOCK_TOLERANCE_S
     cpu_s = sum(process.cpu_s for process in processes if process.ended_s >= start_s)

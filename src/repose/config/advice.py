@@ -20,8 +20,8 @@ from repose.grain.particle import Particle
 # Share of its Height by which a pile of soft grains may sink. This is far less than the
 # scatter of piles.
 LARGEST_SINKING = 0.005
-# Piles of real grains sink by a smaller share than this. The softest pile that we know,
-# of fresh goji berries, sinks by 0.023.
+# Piles of real grains sink by a smaller fraction than this. The softest pile that we
+# know, of fresh goji berries, sinks by 0.023.
 SUSPICIOUS_SINKING = 0.05
 # Smallest and largest slope of poured grains. If a cone of all grains that is as high
 # as the target has a slope outside these limits, the number of grains is wrong.
@@ -29,9 +29,9 @@ SLOPES_DEG = (15.0, 45.0)
 # Largest ratio between the volumes of a pile and its cone, whichever is larger. A real
 # pile differs from a cone because it has a rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
-# Lines of an angle that follow the whole side of a pile. A line along a part of the side
-# is steeper, so the cone of its angle is smaller than the pile: for goji berries, whose
-# sides have 26 degrees as a whole and 33 degrees in part, by this factor.
+# Lines of an angle that follow the whole side of a pile. A line along a part of the
+# side is steeper, so the cone of its angle is smaller than the pile: for goji berries,
+# whose sides have 26 degrees as a whole and 33 degrees in part, by this factor.
 WHOLE_SIDE_LINES = ("whole", "secant")
 PART_OF_SIDE_FACTOR = 1.7
 # By Hertz's law, the sinking is proportional to the modulus to the power of -2/3, so
@@ -265,7 +265,7 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
     A grain of diameter d at depth z carries the weight above its own area,
     F = p rho g z d^2, where p is the packing fraction. By Hertz's law two such grains
     approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean approach over the
-    depth is 3/5 of that at the bottom. Divided by d, this is the share of the Height
+    depth is 3/5 of that at the bottom. Divided by d, this is the fraction of the Height
     that is lost. It is proportional to the modulus to the power of -2/3.
     """
     diameter_m = 1e-3 * compute_diameter_mm(grain)
@@ -377,7 +377,8 @@ def _compare_with_cone(
 ) -> Filling:
     """Compare the volume of the poured grains with the cone of both targets.
 
-    Only the volumes are compared. `repose.bench.reach` compares the angle with the height.
+    Only the volumes are compared. `repose.bench.reach` compares the angle with the
+    height.
 
     Parameters
     ----------
@@ -433,8 +434,8 @@ def count_needed_grains(config: Config, grain_m3: float) -> int:
 
     Without a target for the height, a pile of any size is right, so the result is the
     configured number. Without a target for the angle, the pile may have any slope that
-    poured grains can have. The result is then the possible number that is nearest to the
-    configured one.
+    poured grains can have. The result is then the possible number that is nearest to
+    the configured one.
 
     Parameters
     ----------

@@ -28,22 +28,22 @@ if TYPE_CHECKING:
     from repose.grain.settings import GrainSettings
     from repose.grain.size_checks import SizeGroups
 
-# A smaller relative difference between the volumes of particle and mesh hardly changes a
-# pile.
+# A smaller relative difference between the volumes of particle and mesh hardly changes
+# a pile.
 LARGEST_VOLUME_CHANGE = 0.05
 # A smaller relative spread of the sizes, or a smaller distance between two groups of
 # sizes, hardly changes a pile.
 LARGEST_SPREAD = 0.1
-# Largest share by which the volume from mass and density may exceed the largest possible
-# volume. Mass and density are each measured to about one percent.
+# Largest fraction by which the volume from mass and density may exceed the largest
+# possible volume. Mass and density are each measured to about one percent.
 LARGEST_EXCESS = 0.02
 # A standard deviation of fewer piles is very uncertain.
-FEWEST_PILES = 3
+MIN_PILES = 3
 # Trial runs are skipped if one would take longer than this.
 LONGEST_TRIAL_S = 60.0
-# For each trial run, the positions in their ranges, as shares, of the restitutions and
-# of all other parameters.
-TRIAL_SHARES = {
+# For each trial run, the positions in their ranges, as fractions, of the restitutions
+# and of all other parameters.
+TRIAL_FRACTIONS = {
     "most bounce, least friction": (1.0, 0.0),
     "centre of the ranges": (0.5, 0.5),
     "least bounce, most friction": (0.0, 1.0),
@@ -51,7 +51,7 @@ TRIAL_SHARES = {
 # All trial runs begin with the same random numbers.
 TRIAL_SEED = 1
 # A target gets a warning if it lies further outside the results of the trial runs than
-# this share of their span, because so few runs seldom include the extremes. In
+# this fraction of their span, because so few runs seldom include the extremes. In
 # config/paper.yaml the trial runs span 11.8 degrees and end at 30.5 degrees, and 2.5 %
 # of all runs there are steeper by at least 0.4 spans.
 LARGEST_DISTANCE_FROM_TRIALS = 0.5
@@ -94,8 +94,8 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     if grains <= MOST_BERRIES:
         return
 
-    # The advice needs a valid study. Use the largest allowed number of grains, and let the
-    # program compute the keys that depend on it.
+    # The advice needs a valid study. Use the largest allowed number of grains, and let
+    # the program compute the keys that depend on it.
     largest_funnel: dict[str, Any] = {"berries": MOST_BERRIES}
     for name in scene_size.COMPUTED_KEYS:
         largest_funnel[name] = "auto"
@@ -248,8 +248,8 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
     if groups is not None and groups.ratio > 1 + LARGEST_SPREAD:
         yield _describe_groups(groups, section.size_distribution)
 
-    # The sizes may differ widely. A grain with the mean axes then has less than the mean
-    # volume.
+    # The sizes may differ widely. A grain with the mean axes then has less than the
+    # mean volume.
     spread = study.grain["scale_sd"]
     if spread > LARGEST_SPREAD:
         lost_share = 1 - axes_mm.mean().prod() / products_mm3.mean()
@@ -385,10 +385,10 @@ def describe_time_step(step_s: float, limit: "Limit") -> str:
 def warn_of_few_measurements(study: PipelineConfig) -> Iterator[str]:
     """Warn of measurements whose scatter is unknown."""
     for target in study.settings.targets:
-        if target.repetitions < FEWEST_PILES:
+        if target.repetitions < MIN_PILES:
             yield (
                 f"{target.response}: WARNING: repetitions is {target.repetitions}; "
-                f"measure at least {FEWEST_PILES} piles, since all intervals depend on "
+                f"measure at least {MIN_PILES} piles, since all intervals depend on "
                 "their scatter"
             )
         if target.sd == 0:
@@ -446,18 +446,18 @@ def run_trials(
 def _describe_trials(
     test: BenchTest[Any], runs: Iterable[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Yield a line about each trial run; the runs have the order of `TRIAL_SHARES`."""
-    for point, run in zip(TRIAL_SHARES, runs, strict=True):
+    """Yield a line about each trial run; the runs have the order of `TRIAL_FRACTIONS`."""
+    for point, run in zip(TRIAL_FRACTIONS, runs, strict=True):
         # All trial runs have the same seed, so do not repeat it in each line.
         sentence = describe_run(run, test.summary).removeprefix(f"seed {TRIAL_SEED}: ")
         yield f"{test.name}: {point}: {sentence}"
 
 
 def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
-    """Return the parameters of the trial runs, in the order of `TRIAL_SHARES`.
+    """Return the parameters of the trial runs, in the order of `TRIAL_FRACTIONS`.
 
-    `TRIAL_SHARES` states where in its range each free parameter lies. It has one share
-    for the restitutions and one for all other parameters, such as friction.
+    `TRIAL_FRACTIONS` states where in its range each free parameter lies. It has one
+    share for the restitutions and one for all other parameters, such as friction.
     """
     space = study.parameters
     is_restitution = np.array([name.startswith("e_") for name in space.free])
@@ -465,7 +465,7 @@ def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
     shares = np.array(
         [
             np.where(is_restitution, restitution, friction)
-            for restitution, friction in TRIAL_SHARES.values()
+            for restitution, friction in TRIAL_FRACTIONS.values()
         ]
     )
     return [

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # Pixels of a simulated pile's picture over the grain's equivalent diameter.
 PIXELS_A_GRAIN = 32
 # Share of the longest time step that is used. The longest one is only an estimate.
-STEP_SHARE = 0.8
+STEP_FRACTION = 0.8
 
 # Times, and limits below which a pile is at rest, in the units of a grain
 # (`repose.bench.grain_scale`). For the goji berry, these values give the numbers of its
@@ -133,9 +133,9 @@ def find_longest_step(
     settings = select_valid_sections(config)
     ranges = find_ranges(config)
 
-    # Make the parameter set that needs the shortest step. A low restitution means strong
-    # damping, which requires a short step. Therefore use the lowest value of each
-    # parameter in the ranges and in the published sets, which are also simulated.
+    # Make the parameter set that needs the shortest step. A low restitution means
+    # strong damping, which requires a short step. Therefore use the lowest value of
+    # each parameter in the ranges and in the published sets, which are also simulated.
     published_sets = read_parameter_sets(settings.validation.published)
     critical_set = {}
     for name in PARAMETERS:
@@ -143,8 +143,8 @@ def find_longest_step(
         published_values = [values[name] for values in published_sets]
         critical_set[name] = min([lowest_in_range, *published_values])
 
-    # Additional parameters of contact laws, such as cohesion, make contacts stiffer, which
-    # also requires a short step. Therefore use their highest values.
+    # Additional parameters of contact laws, such as cohesion, make contacts stiffer,
+    # which also requires a short step. Therefore use their highest values.
     for name in LAW_PARAMETERS:
         if name in ranges:
             _, highest_in_range = ranges[name]
@@ -169,8 +169,8 @@ def round_down(value: float, digits: int) -> float:
 
 
 def advise_time_step_s(longest_s: float) -> float:
-    """Advise a time step [s]: `STEP_SHARE` of the longest, rounded down to two digits."""
-    return round_down(STEP_SHARE * longest_s, digits=2)
+    """Advise a time step [s]: `STEP_FRACTION` of the longest, rounded down to two digits."""
+    return round_down(STEP_FRACTION * longest_s, digits=2)
 
 
 def list_axes_mm(grain: Grain) -> Sequence[float]:
@@ -187,7 +187,7 @@ def compute_diameter_mm(grain: Grain) -> float:
 
 
 def _choose_split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
-    """Choose the shares of training, validation and test samples for the surrogate."""
+    """Choose the fractions of training, validation and test samples for the surrogate."""
     return choose_split(select_valid_sections(config).surrogate)
 
 
@@ -290,7 +290,7 @@ def _make_grain_scale(config: Config, particle: "Particle") -> GrainScale:
 
 
 def _choose_rest_energy_j(config: Config, _grain: Grain, particle: "Particle") -> float:
-    """Choose a small share of the energy that lifts a grain by its diameter [J]."""
+    """Choose a small fraction of the energy that lifts a grain by its diameter [J]."""
     return round_to_digits(
         REST_ENERGY * _make_grain_scale(config, particle).energy_j, digits=2
     )
@@ -299,7 +299,7 @@ def _choose_rest_energy_j(config: Config, _grain: Grain, particle: "Particle") -
 def _choose_rest_motion_mm(
     config: Config, _grain: Grain, particle: "Particle"
 ) -> float:
-    """Choose a share of the diameter of a grain [mm]."""
+    """Choose a fraction of the diameter of a grain [mm]."""
     diameter_m = _make_grain_scale(config, particle).diameter_m
     return round_to_digits(REST_MOTION * 1e3 * diameter_m, digits=2)
 

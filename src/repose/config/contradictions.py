@@ -47,8 +47,8 @@ class Rule(NamedTuple):
 def list_rules_before_computing(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules that are applied before any `auto` is replaced by a number.
 
-    The computation of the number relies on these rules. For example, the computation of a
-    time step needs the constants of the contact law.
+    The computation of the number relies on these rules. For example, the computation of
+    a time step needs the constants of the contact law.
 
     Parameters
     ----------

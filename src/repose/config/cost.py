@@ -36,10 +36,10 @@ OTHER_WORK_S = 120.0
 # one core.
 TIMED_POUR_S = 1.5
 TIMED_GRAIN_STEPS = 1.0e7
-FEWEST_TIMED_GRAINS = 20
-# All grains are poured within this share of the time, so that all are present in most
-# steps.
-TIMED_POURING_SHARE = 0.25
+MIN_TIMED_GRAINS = 20
+# All grains are poured within this fraction of the time, so that all are present in
+# most steps.
+TIMED_POURING_FRACTION = 0.25
 # The pour lasts longer by the second over which the funnel measures the time of a step.
 MEASURED_END_S = 1.0
 # The last grain must appear this long before the end.
@@ -193,13 +193,13 @@ def measure_grain_step_s(
     settings = select_valid_sections(config)
     n_steps = TIMED_POUR_S / settings.simulation.time_step_s
     n_grains = max(
-        FEWEST_TIMED_GRAINS,
+        MIN_TIMED_GRAINS,
         min(settings.funnel.berries, round(TIMED_GRAIN_STEPS / n_steps)),
     )
 
     small_funnel = settings.funnel.model_dump() | {
         "berries": n_grains,
-        "rate_per_s": n_grains / (TIMED_POURING_SHARE * TIMED_POUR_S),
+        "rate_per_s": n_grains / (TIMED_POURING_FRACTION * TIMED_POUR_S),
         "duration_s": TIMED_POUR_S + MEASURED_END_S,
         "rest_window_s": TIMED_REST_WINDOW_S,
     }
@@ -234,10 +234,10 @@ def _time_grain_step_s(scene: "Scene", n_grains: int) -> float:
     run = FunnelTest().pour(scene, until_rest=False)
     cpu_s = time.process_time() - cpu_start_s
 
-    # The run gives its wall time per step in microseconds. Count only the share of the
-    # time in which this process had the core.
-    cpu_share = cpu_s / (time.perf_counter() - start_s)
-    return 1e-6 * min(1.0, cpu_share) * run.us_per_step / n_grains
+    # The run gives its wall time per step in microseconds. Count only the fraction of
+    # the time in which this process had the core.
+    cpu_fraction = cpu_s / (time.perf_counter() - start_s)
+    return 1e-6 * min(1.0, cpu_fraction) * run.us_per_step / n_grains
 
 
 def estimate_work(
@@ -254,21 +254,22 @@ def estimate_work(
     grain_step_s : float
         Time for one step of one grain [s].
     pours : sequence, optional
-        The runs of a strategy, from `list_strategy_pours`. The default is the runs of the
-        article's method.
+        The runs of a strategy, from `list_strategy_pours`. The default is the runs of
+        the article's method.
 
     Returns
     -------
     dict
-        ``pours``: the runs that each bench test of the targets makes. ``pour_s``: time of
-        one run of the funnel, with its measurement [s]. ``total_s``: time of the whole
-        study [s].
+        ``pours``: the runs that each bench test of the targets makes. ``pour_s``: time
+        of one run of the funnel, with its measurement [s]. ``total_s``: time of the
+        whole study [s].
     """
     settings = select_valid_sections(config)
     target_tests = _list_tests_of_targets(settings)
 
-    # Estimate the time of one run in each bench test. Include the drum, because it checks
-    # the answer of every study. In the funnel the pile is also measured in several views.
+    # Estimate the time of one run in each bench test. Include the drum, because it
+    # checks the answer of every study. In the funnel the pile is also measured in
+    # several views.
     run_times_s = {}
     for test in dict.fromkeys(("funnel", *target_tests, "drum")):
         if settings.get_bench_section(test) is not None:
@@ -337,8 +338,8 @@ def _compute_article_time_s(
     """
     total_s = OTHER_WORK_S + _compute_strategy_time_s(pours, [run_times_s["funnel"]])
 
-    # The drum runs with the answer, even if no target is a response of the drum. Each of
-    # its runs is a job.
+    # The drum runs with the answer, even if no target is a response of the drum. Each
+    # of its runs is a job.
     if settings.get_bench_section("drum") is not None:
         total_s += settings.count_seeds("drum") * (JOB_START_S + run_times_s["drum"])
 

@@ -1,9 +1,9 @@
 """Select the settings on which each stage of the workflow depends.
 
 A stage depends on the settings that it reads itself, and on the settings of the results
-that it reads. A rule gives them to Snakemake as a parameter, so that the stage runs again
-when they change. They are also written into the record of each result, so that a result
-of other settings can be recognised.
+that it reads. A rule gives them to Snakemake as a parameter, so that the stage runs
+again when they change. They are also written into the record of each result, so that a
+result of other settings can be recognised.
 """
 
 from collections.abc import Iterable, Mapping
@@ -227,8 +227,8 @@ def _find_keys_of_stage(
     Returns
     -------
     tuple of str, or None
-        Sections, dotted keys and entries such as `RESPONSES`. None if the stage may read
-        any key.
+        Sections, dotted keys and entries such as `RESPONSES`. None if the stage may
+        read any key.
     """
     stage_keys = STAGE_KEYS.get(stage)
     if strategy_name is None:
@@ -419,9 +419,9 @@ def select_responses(config: Config, apparatus: str | None = None) -> dict[str, 
     Returns
     -------
     dict
-        ``responses``: the names, in the order of the targets. ``profiles``: abscissae and
-        functions of each profile by its name. The key ``profiles`` is absent if no target
-        has a profile.
+        ``responses``: the names, in the order of the targets. ``profiles``: abscissae
+        and functions of each profile by its name. The key ``profiles`` is absent if no
+        target has a profile.
     """
     # A profile is defined by the points at which it is compared.
     response_names = []
@@ -444,8 +444,8 @@ def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     selected : dict
-        Values by section or dotted key. A file may be named by a dotted key, or inside a
-        section.
+        Values by section or dotted key. A file may be named by a dotted key, or inside
+        a section.
 
     Returns
     -------

@@ -2,8 +2,8 @@
 
 Snakemake reads the Snakefile for each of its commands. The first command checks the
 configuration, its grain and the files that it names, and computes each `auto`. A run
-stores the result in RESULTS/checked.json with a hash of everything that it depends on. If
-the hash is the same, the next command uses the stored result.
+stores the result in RESULTS/checked.json with a hash of everything that it depends on.
+If the hash is the same, the next command uses the stored result.
 """
 
 from collections.abc import Mapping

@@ -202,9 +202,9 @@ class ExternalConfig(PipelineConfig):
     def definitions(self) -> Definitions:
         """The keys that define each response, with their values.
 
-        The only key of a response that the program prints is its profile, if it has one.
-        If the program writes its particles, the responses of piles also depend on the
-        section `measure`.
+        The only key of a response that the program prints is its profile, if it has
+        one. If the program writes its particles, the responses of piles also depend on
+        the section `measure`.
         """
         definitions: dict[str, dict[str, Any]] = {}
         for target in make_targets(self.config):
@@ -298,8 +298,8 @@ def make_file_model() -> type[StudyFile]:
 def _require_whole_study(merged: loader.MergedConfig) -> None:
     """Refuse files that have a section `simulator` but no parameters.
 
-    Other files are merged over the configuration of the working folder. A file with this
-    section is not, because a study of another program does not use our grain.
+    Other files are merged over the configuration of the working folder. A file with
+    this section is not, because a study of another program does not use our grain.
     """
     if "parameters" in merged.config:
         return
@@ -318,9 +318,9 @@ def convert_to_short_form(merged: loader.MergedConfig) -> loader.MergedConfig:
     """Convert a study with our simulator, to which a program was added, to the short form.
 
     A study with our simulator has a list of targets. The short form has a mapping of
-    targets by name. It also has the number of runs and the seed at its top. Sections that
-    only our simulator reads are left out. Missing keys get the defaults of a study with
-    our simulator.
+    targets by name. It also has the number of runs and the seed at its top. Sections
+    that only our simulator reads are left out. Missing keys get the defaults of a study
+    with our simulator.
 
     Parameters
     ----------
@@ -381,8 +381,8 @@ def _find_missing_defaults(short_form: Mapping[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        The defaults of a study with our simulator, for each of these keys that the study
-        lacks.
+        The defaults of a study with our simulator, for each of these keys that the
+        study lacks.
     """
     method = loader.read_file(places.find_file(places.METHOD_CONFIG))
     defaults = {
@@ -429,8 +429,8 @@ def _map_targets_by_name(targets: Iterable[Any]) -> dict[Any, dict[str, Any]]:
     Returns
     -------
     dict of str to dict
-        The keys of each target that the short form has. The unit is added if the response
-        is one of our bench tests and the user does not give the unit.
+        The keys of each target that the short form has. The unit is added if the
+        response is one of our bench tests and the user does not give the unit.
     """
     import repose.bench  # noqa: F401  registers the responses of piles
 
@@ -543,8 +543,8 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     config["simulator"] = simulator.model_dump(mode="json", exclude_none=True)
     figures = FiguresSettings.model_validate(complete.get("figures", {}))
     config["figures"] = figures.model_dump(mode="json")
-    # We measure piles only if the program writes its particles. A program that prints an
-    # angle may define it in any way.
+    # We measure piles only if the program writes its particles. A program that prints
+    # an angle may define it in any way.
     config["measure"] = None
     if simulator.particles is not None:
         config["measure"] = dict(complete["measure"])

@@ -64,8 +64,8 @@ def _describe_deck(
 ) -> Iterator[str]:
     """Describe the deck, which is the input file with the values of the parameters.
 
-    If the program has a deck, a line follows for each fixed parameter that the deck does
-    not name.
+    If the program has a deck, a line follows for each fixed parameter that the deck
+    does not name.
     """
     if simulator.template is None:
         yield f"deck: no deck; the program reads {simulate.PARAMETERS_FILE}"

@@ -17,11 +17,11 @@ from repose.bench.scene import Scene, contacts_of, materials_of
 HERTZ_LAWS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 # From this restitution on, the real restitution is nearly equal to the configured one.
 LOW_RESTITUTION = 0.3
-# The gap between the bodies at the start, as a share of the distance that they approach
-# in a time step. The result is averaged over these values.
+# The gap between the bodies at the start, as a fraction of the distance that they
+# approach in a time step. The result is averaged over these values.
 PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
 # Largest number of time steps for a hit, so that the loop always ends.
-MOST_STEPS = 100_000
+MAX_STEPS = 100_000
 # Duration of a hit by Hertz's law without damping, times the speed of the impact and
 # divided by the largest overlap.
 HERTZ_DURATION = 2.943
@@ -56,8 +56,8 @@ def compute_returned_restitution(
     from repose.dem.laws.hertz_mindlin import damping_ratio
 
     time_step = HERTZ_DURATION * HERTZ_OVERLAP / steps_per_contact
-    # The damping force of this law is 2 sqrt(5/6) beta sqrt(stiffness mass) speed, where
-    # beta is the damping ratio and the stiffness is that of the tangent.
+    # The damping force of this law is 2 sqrt(5/6) beta sqrt(stiffness mass) speed,
+    # where beta is the damping ratio and the stiffness is that of the tangent.
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution, tension)
     speeds = [
         _simulate_rebound_speed(
@@ -76,25 +76,26 @@ def _simulate_rebound_speed(
     Parameters
     ----------
     phase : float
-        Gap between the bodies at the start, as a share of the distance that they approach
-        in a time step.
+        Gap between the bodies at the start, as a fraction of the distance that they
+        approach in a time step.
     time_step : float
         Time step, in units in which mass, speed and stiffness are 1.
     damping : float
-        Damping force, divided by the speed and the square root of the tangent stiffness.
+        Damping force, divided by the speed and the square root of the tangent
+        stiffness.
     tension : {"keep", "release"}
         Whether the contact may pull the bodies together as they part.
 
     Returns
     -------
     float
-        The speed, positive if the bodies part. Because they start at speed 1, it equals the
-        restitution of this hit.
+        The speed, positive if the bodies part. Because they start at speed 1, it equals
+        the restitution of this hit.
     """
     # A negative overlap is a gap.
     overlap = -phase * time_step
     approach_speed = 1.0
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         force = 0.0
         if overlap > 0.0:
             # The tangent stiffness is the derivative of the elastic force overlap^1.5.
@@ -175,8 +176,8 @@ def _compute_contact_time_s(
     Returns
     -------
     float or None
-        The duration at the fastest impact of the engine's limits. None for a contact law
-        that `compute_returned_restitution` cannot follow.
+        The duration at the fastest impact of the engine's limits. None for a contact
+        law that `compute_returned_restitution` cannot follow.
     """
     from repose.dem.laws import CONTACT_LAWS
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
@@ -186,10 +187,10 @@ def _compute_contact_time_s(
     if law not in HERTZ_LAWS or contact_time is None:
         return None
 
-    # A hit of two equal grains lasts as long as a hit of one grain with half the mass and
-    # half the radius on a wall.
+    # A hit of two equal grains lasts as long as a hit of one grain with half the mass
+    # and half the radius on a wall.
     other_body = "berry" if pair == "gg" else "wall"
-    effective_share = 0.5 if pair == "gg" else 1.0
+    effective_fraction = 0.5 if pair == "gg" else 1.0
     shape = scene.particle.dem_shape("berry")
     materials = materials_of(scene)
     parameters = {**scene.parameters, f"e_{pair}": restitution}
@@ -197,7 +198,7 @@ def _compute_contact_time_s(
         materials["berry"],
         materials[other_body],
         contacts_of(parameters)["berry", other_body],
-        effective_share * shape.mass_kg,
-        effective_share * shape.smallest_radius_m,
+        effective_fraction * shape.mass_kg,
+        effective_fraction * shape.smallest_radius_m,
         FASTEST_IMPACT_M_S,
     )

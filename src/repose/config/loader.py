@@ -25,8 +25,8 @@ WORKFLOW_SOURCE = "configuration"
 RESOLVED_FILE = "config.json"  # in the folder of results
 # A number with an exponent. Some readers of YAML read 1e-3 as text.
 EXPONENT_PATTERN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
-# Sections that replace those of earlier files and are not merged with them. For example,
-# a fixed parameter must not keep the prior of an earlier file.
+# Sections that replace those of earlier files and are not merged with them. For
+# example, a fixed parameter must not keep the prior of an earlier file.
 REPLACED_SECTIONS = {f"parameters.{name}" for name in (*PARAMETERS, *LAW_PARAMETERS)}
 # Stands for a value that a file lacks. No file can contain this value.
 MISSING = ...
@@ -154,8 +154,8 @@ def locate_workflow_values(
     workflow_config : mapping
         Snakemake's `config`. Texts from its command line are parsed as YAML.
     files : sequence of path
-        The files that Snakemake has merged; each overrides those before it. If there are
-        none, Snakemake has read the default configuration of the working folder.
+        The files that Snakemake has merged; each overrides those before it. If there
+        are none, Snakemake has read the default configuration of the working folder.
     default_source : str
         Name of the source of values that are in no file.
 
@@ -182,16 +182,16 @@ def merge_workflow_values(
 
     Snakemake has already merged its configuration files and its command line. This
     function finds out which file has which key, so that messages about faults can name
-    the file. If the user's values define a crop, the defaults do not contain the built-in
-    crop, so that the numbers of two crops are never mixed.
+    the file. If the user's values define a crop, the defaults do not contain the
+    built-in crop, so that the numbers of two crops are never mixed.
 
     Parameters
     ----------
     workflow_config : mapping
         Snakemake's `config`. Texts from its command line are parsed as YAML.
     files : sequence of path
-        The files that Snakemake has merged; each overrides those before it. If there are
-        none, Snakemake has read the default configuration of the working folder, or
+        The files that Snakemake has merged; each overrides those before it. If there
+        are none, Snakemake has read the default configuration of the working folder, or
         another workflow passes its values.
     default_source : str
         Name of the source of values that are in no file.
@@ -204,8 +204,8 @@ def merge_workflow_values(
     user_files = [places.find_file(path) for path in files]
     default_files = _choose_default_files(workflow_config, user_files, read)
 
-    # Find the file that each value comes from. If the user gave no file, this may be the
-    # last default file, because Snakemake has read it.
+    # Find the file that each value comes from. If the user gave no file, this may be
+    # the last default file, because Snakemake has read it.
     last_default_file = places.list_default_configs()[-1]
     config_files = _read_config_files(
         [*default_files, last_default_file, *user_files], read
@@ -334,14 +334,14 @@ def _find_single_value(
     source : str
         The file, or `default_source` if no file has an equal value.
     """
-    # Snakemake may give a value as text: each value of a command line, and numbers such as
-    # 1e-5 in a file.
+    # Snakemake may give a value as text: each value of a command line, and numbers such
+    # as 1e-5 in a file.
     parsed_value = value
     if default_source == COMMAND_LINE or EXPONENT_PATTERN.match(str(value)):
         parsed_value = _parse_texts(value)
 
-    # Search the last file first. None may be a value in a file, so use another default for
-    # a missing key.
+    # Search the last file first. None may be a value in a file, so use another default
+    # for a missing key.
     for config_file in reversed(config_files):
         value_in_file = get_value(config_file.content, dotted_key, MISSING)
         if value_in_file in (value, parsed_value):
@@ -421,8 +421,8 @@ def find_substitute_crop(*files: StrPath) -> Path | None:
     built_in_crop = places.find_program_folder() / places.DEFAULT_CONFIG
     paths = [places.find_file(path) for path in files]
 
-    # Nothing is missing if the working folder has a configuration, or if the file is the
-    # resolved one of a study.
+    # Nothing is missing if the working folder has a configuration, or if the file is
+    # the resolved one of a study.
     has_configuration = places.list_default_configs()[-1] != built_in_crop
     if has_configuration or is_resolved(*paths):
         return None
@@ -433,8 +433,8 @@ def find_substitute_crop(*files: StrPath) -> Path | None:
         if path != built_in_crop and path.parent == built_in_crop.parent:
             return None
 
-    # The files include the built-in crop, or are merged over it because they lack keys and
-    # define no crop.
+    # The files include the built-in crop, or are merged over it because they lack keys
+    # and define no crop.
     if built_in_crop in paths:
         return built_in_crop
     is_complete = paths and not _lacks_keys(_merge_files(paths).config)

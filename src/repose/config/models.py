@@ -46,7 +46,7 @@ from repose.common.section import (
     Section,
 )
 from repose.common.target_range import (
-    LEAST_RELATIVE_RANGE,
+    MIN_RELATIVE_RANGE,
     STANDARD_ERRORS,
     compute_target_range,
 )
@@ -124,7 +124,8 @@ def _make_parameters_model() -> type[ParametersSettings]:
         field = Field(description=LABELS[name], json_schema_extra={"source": "Table 2"})
         fields[name] = (make_parameter_type(*ALLOWED[name]), field)
 
-    # A parameter of a contact law may be absent, because only studies with this law have it.
+    # A parameter of a contact law may be absent, because only studies with this law
+    # have it.
     for name, law_parameter in LAW_PARAMETERS.items():
         limits = law_parameter.constant
         # The schema of the model is written as JSON, which has no infinite numbers.
@@ -266,8 +267,8 @@ class TargetSettings(Section):
             yield "range", f"a pair [low, high] {within_limits}"
             return
 
-        # The search aims at the value of the target, or at `aim` if it is set. This number
-        # must lie inside the range.
+        # The search aims at the value of the target, or at `aim` if it is set. This
+        # number must lie inside the range.
         inside_range = f"inside its range, {low:g} to {high:g}"
         if self.aim is None:
             if not low <= self.value <= high:
@@ -278,7 +279,7 @@ class TargetSettings(Section):
     def _exceeds_least_range(self) -> bool:
         """Tell whether the scatter is wider than the smallest range around the value."""
         scatter = STANDARD_ERRORS * self.sd / math.sqrt(self.repetitions)
-        return scatter > LEAST_RELATIVE_RANGE * abs(self.value)
+        return scatter > MIN_RELATIVE_RANGE * abs(self.value)
 
 
 class ExternalTarget(Section):
@@ -436,8 +437,8 @@ class StudySettings(Section):
 def make_settings_type() -> type[StudySettings]:
     """Make the model of a whole configuration.
 
-    The model is a subclass of `StudySettings` with a section for each strategy and bench
-    test that is registered when this function is called.
+    The model is a subclass of `StudySettings` with a section for each strategy and
+    bench test that is registered when this function is called.
     """
     from repose.calibrate import strategies
 
@@ -464,8 +465,8 @@ def _make_cached_settings_type(
     """
     from repose.calibrate.strategies import strategy
 
-    # Map the name of each further section to its type and its default. The default `...`
-    # means that the section must be there.
+    # Map the name of each further section to its type and its default. The default
+    # `...` means that the section must be there.
     sections: dict[str, Any] = {}
     for name in strategies:
         model = strategy(name).settings

@@ -24,8 +24,8 @@ from repose.stages.settings import ParticlesSettings, SimulatorSettings
 PAGE_PATH = Path("config", "README.md")
 TABLE_PATTERN = re.compile(r"<!-- keys: (\w+) -->\n.*?<!-- end -->", re.DOTALL)
 COLUMNS = ("key", "meaning", "unit", "values", "default", "source")
-# The unit of a key follows from the end of its name. A longer end comes before a shorter
-# one that it contains, because the first match is used.
+# The unit of a key follows from the end of its name. A longer end comes before a
+# shorter one that it contains, because the first match is used.
 UNITS = {
     "_mm_per_pixel": "mm",
     "_mb": "MB",

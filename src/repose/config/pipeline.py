@@ -36,7 +36,8 @@ class PipelineConfig:
     Attributes
     ----------
     config : dict
-        The resolved configuration as plain values; `RESULTS/config.json` holds the same.
+        The resolved configuration as plain values; `RESULTS/config.json` holds the
+        same.
     source : str or Origin
         The file that a fault names.
     """
@@ -144,9 +145,9 @@ class PipelineConfig:
         checks = ConfigChecks(dict(config), source)
         checks.check_and_compute(check_inputs)
         study = cls(checks.config, source)
-        # Keep these checks, because they may have made the grain already. `_checks` is a
-        # cached property, which stores its value in `__dict__`. This is the only way to
-        # set it, because the class is frozen.
+        # Keep these checks, because they may have made the grain already. `_checks` is
+        # a cached property, which stores its value in `__dict__`. This is the only way
+        # to set it, because the class is frozen.
         study.__dict__["_checks"] = checks
         return study
 

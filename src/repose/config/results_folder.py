@@ -1,8 +1,8 @@
 """Check the folder of a study's results before a run writes into it.
 
 Snakemake removes the outputs of a rule before it makes them again, whoever wrote them.
-Therefore a study starts only in a new folder or in the folder of a study, and only if no
-file of the user has the name of a result.
+Therefore a study starts only in a new folder or in the folder of a study, and only if
+no file of the user has the name of a result.
 """
 
 import os
@@ -182,8 +182,8 @@ def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
     path : str
         The path, with wildcards in braces, such as ``heaps/{sample}.json``.
     wildcards : dict of str to str
-        Expressions of wildcards by name. Any other wildcard matches the name of one file
-        or folder.
+        Expressions of wildcards by name. Any other wildcard matches the name of one
+        file or folder.
 
     Returns
     -------
@@ -327,7 +327,8 @@ def _select_files_to_be_replaced(
 ) -> list[str]:
     """Select the files that a rule would replace, except empty ones.
 
-    An empty file contains nothing that could be lost. Snakemake itself makes such files.
+    An empty file contains nothing that could be lost. Snakemake itself makes such
+    files.
 
     Parameters
     ----------
@@ -392,10 +393,10 @@ def _walk_folder(folder: str) -> Iterator[FolderWithFiles]:
     """
 
     # By default `os.walk` ignores such errors.
-    def refuse_folder(error: OSError) -> None:
+    def reject_folder(error: OSError) -> None:
         raise error
 
-    for inner, _, files in os.walk(folder, onerror=refuse_folder):
+    for inner, _, files in os.walk(folder, onerror=reject_folder):
         yield inner, files
 
 
@@ -428,8 +429,8 @@ def _find_results_without_ledger(results_dir: str, names: list[str]) -> Iterator
 def restore_ledgers(results_dir: str, outputs: Iterable[str]) -> list[str]:
     """Write new ledgers in the folders of results whose ledgers are missing.
 
-    Results are recognised by their records of provenance. The resolved configuration and
-    the table of processor times have no such records, but are listed as well.
+    Results are recognised by their records of provenance. The resolved configuration
+    and the table of processor times have no such records, but are listed as well.
 
     Parameters
     ----------

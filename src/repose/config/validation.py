@@ -274,8 +274,8 @@ class ConfigChecks:
     def _name_users_file(self, fault: InputError, section: str) -> InputError:
         """Add the user's file to a fault that names only a section.
 
-        The functions that read a section do not know its file. A fault that names a file
-        is returned unchanged.
+        The functions that read a section do not know its file. A fault that names a
+        file is returned unchanged.
         """
         if fault.source != section:
             return fault

@@ -102,10 +102,10 @@ def has_pour_jobs(workflow: Any) -> bool:
 def check_kept_results_when_planned(workflow: Any, study: PipelineConfig) -> None:
     """Make Snakemake check the results that a run keeps, as soon as the run is planned.
 
-    Snakemake has its own records of settings. These may be lost, changed by ``--touch``,
-    or ignored by ``--rerun-triggers``, so the check uses the records of provenance in
-    the results instead. A result that was made with other settings ends the program
-    with a message.
+    Snakemake has its own records of settings. These may be lost, changed by
+    ``--touch``, or ignored by ``--rerun-triggers``, so the check uses the records of
+    provenance in the results instead. A result that was made with other settings ends
+    the program with a message.
 
     This function replaces a private method of the workflow, which plans the jobs.
 
@@ -116,8 +116,8 @@ def check_kept_results_when_planned(workflow: Any, study: PipelineConfig) -> Non
     study : PipelineConfig
         The study whose results the folder should hold.
     """
-    # Snakemake calls ``onstart`` only if it has jobs to run. A check there would miss dry
-    # runs, and runs that find nothing to do.
+    # Snakemake calls ``onstart`` only if it has jobs to run. A check there would miss
+    # dry runs, and runs that find nothing to do.
     plan_jobs = workflow._build_dag
 
     def plan_jobs_and_check() -> None:
@@ -159,11 +159,11 @@ def _require_same_settings(study: PipelineConfig, paths: Iterable[str]) -> None:
 def handle_sigterm_in_thread() -> None:
     """Call Snakemake's handler of SIGTERM in a thread, so that it cannot deadlock.
 
-    The handler waits for a lock (`JobScheduler.exit_gracefully`, Snakemake 9.27). Python
-    calls handlers in the main thread, which itself holds the lock while it selects jobs
-    and records finished ones. A signal at such a moment would block the run for ever.
-    Call this function after Snakemake has set its handler, for example in ``onstart``.
-    It replaces the handler of this process.
+    The handler waits for a lock (`JobScheduler.exit_gracefully`, Snakemake 9.27).
+    Python calls handlers in the main thread, which itself holds the lock while it
+    selects jobs and records finished ones. A signal at such a moment would block the
+    run for ever. Call this function after Snakemake has set its handler, for example in
+    ``onstart``. It replaces the handler of this process.
     """
     # Snakemake sets its handler only in the main thread.
     if threading.current_thread() is not threading.main_thread():
@@ -310,8 +310,8 @@ class WorkflowRun:
         Returns
         -------
         dict
-            When the run began, its time by the clock and its processor time [s], and the
-            name of the processor.
+            When the run began, its time by the clock and its processor time [s], and
+            the name of the processor.
         """
         from repose.common.provenance import describe_machine
 
@@ -327,8 +327,8 @@ class WorkflowRun:
 def _sum_processor_time_s(jobs: Iterable[usage.Process]) -> float:
     """Add up the processor time of this process and of all jobs of its run [s].
 
-    A job that is a child of this process is already included in the time of this process.
-    Jobs on other machines are not.
+    A job that is a child of this process is already included in the time of this
+    process. Jobs on other machines are not.
     """
     this_process = str(os.getpid())
     this_host = os.uname().nodename

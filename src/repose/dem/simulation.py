@@ -376,7 +376,8 @@ class Simulation(Observables):
 
         The argument and the result are those of `_advance`.
         """
-        # The bodies get new numbers every REORDER_EVERY steps, so this call ends before.
+        # The bodies get new numbers every REORDER_EVERY steps, so this call ends
+        # before.
         steps_since_reorder = self.steps % parallel.REORDER_EVERY
         if steps_since_reorder == 0:
             self._renumber_bodies()

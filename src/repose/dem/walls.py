@@ -223,9 +223,9 @@ class Cone:
                 "expected at most one of them to be 0"
             )
 
-        # In the half plane (r, z) the cone is a line from the first circle, at z = 0, to
-        # the second. The unit vector e points along this line. The normal m into the wall
-        # is perpendicular to e.
+        # In the half plane (r, z) the cone is a line from the first circle, at z = 0,
+        # to the second. The unit vector e points along this line. The normal m into the
+        # wall is perpendicular to e.
         length = math.hypot(height, top_radius_m - base_radius_m)
         e_r = (top_radius_m - base_radius_m) / length
         e_z = height / length
@@ -397,7 +397,8 @@ class Mesh:
         faces = _check_faces(self.faces, vertices)
         object.__setattr__(self, "vertices_m", vertices)
         object.__setattr__(self, "faces", faces)
-        # The faces, edges and vertices that bodies can touch, in the form of the kernels
+        # The faces, edges and vertices that bodies can touch, in the form of the
+        # kernels
         object.__setattr__(self, "part", find_features(vertices, faces, edge))
 
     @classmethod

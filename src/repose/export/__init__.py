@@ -1,9 +1,9 @@
 """Write the calibrated grain and its pour as input for other simulation programs.
 
-The module `job` collects the data of an export in SI units, independently of any program.
-For each program, one module writes the input files, which together are called a deck.
-Most decks are written from a template in this folder. The head of a deck lists the
-differences between the program and this engine.
+The module `job` collects the data of an export in SI units, independently of any
+program. For each program, one module writes the input files, which together are called
+a deck. Most decks are written from a template in this folder. The head of a deck lists
+the differences between the program and this engine.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -28,8 +28,8 @@ DeckFunction = Callable[["Job"], dict[str, str]]
 def _import_deck_when_called(module: str) -> DeckFunction:
     """Return a function that imports a module of this package and calls its `make_deck`.
 
-    The module is imported only in the call, so that making the table of programs imports
-    none of them.
+    The module is imported only in the call, so that making the table of programs
+    imports none of them.
     """
 
     def make_deck(job: "Job") -> dict[str, str]:

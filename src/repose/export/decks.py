@@ -1,7 +1,7 @@
 """Write a deck from a template in this folder, with numbers of at most nine digits.
 
-The templates are written in Jinja, in which a value stands in double braces. For example,
-``{{ x | digits(6) }}`` writes x with six digits.
+The templates are written in Jinja, in which a value stands in double braces. For
+example, ``{{ x | digits(6) }}`` writes x with six digits.
 """
 
 from collections.abc import Iterable, Sequence
@@ -83,8 +83,8 @@ def collect_common_values(job: Job) -> dict[str, Any]:
         # The box.
         "half": scene_radius_m + 4.0 * grain_radius_m,
         "top": factory_height_m + 4.0 * grain_radius_m,
-        # Neighbour lists also include spheres up to this distance apart, so that they stay
-        # valid for several time steps.
+        # Neighbour lists also include spheres up to this distance apart, so that they
+        # stay valid for several time steps.
         "skin": 0.75 * job.mean_radius_m,
         # The factory.
         "factory_radius": job.factory_radius_m,

@@ -120,8 +120,8 @@ def _list_contacts(
             Row(f"Coefficient of rolling friction, {name}", parameters[f"mur_{pair}"]),
         ]
         if simulation.contact_law == "jkr":
-            # Our parameter is the energy of each of the two surfaces. EDEM's is the work
-            # of adhesion of both: its pull-off force is 3/2 pi R* times this work.
+            # Our parameter is the energy of each of the two surfaces. EDEM's is the
+            # work of adhesion of both: its pull-off force is 3/2 pi R* times this work.
             work_of_adhesion = 2.0 * parameters[f"{SURFACE_ENERGY.short}_{pair}"]
             unit = SURFACE_ENERGY.unit
             rows.append(Row(f"Surface energy, {name}", work_of_adhesion, unit))
@@ -145,7 +145,8 @@ def _list_grain(particle: "Particle") -> list[Row]:
 def _list_pour(funnel: FunnelSettings, particle: "Particle") -> list[Row]:
     """List the size of the plate, and where, how often and how many grains appear."""
     # The settings are in mm, and the table is in m. The centres of the grains appear in
-    # a disc that is smaller than the factory, so that whole grains are inside the factory.
+    # a disc that is smaller than the factory, so that whole grains are inside the
+    # factory.
     factory_radius = 0.5e-3 * funnel.factory_diameter_mm - particle.bounding_radius_m
     factory_height = funnel.funnel.inlet_height_m + 1e-3 * funnel.factory_height_mm
     return [
@@ -180,8 +181,8 @@ def make_deck(job: Job) -> dict[str, str]:
 def _format_page(job: Job, table: list[Row]) -> str:
     """Write the page edem.md as Markdown.
 
-    The page names the models to choose and the files to import. It also contains the table
-    of values and a list of the differences from the study.
+    The page names the models to choose and the files to import. It also contains the
+    table of values and a list of the differences from the study.
     """
     law = job.simulation.contact_law
     contact_model = CONTACT_MODELS.get(law, DEFAULT_CONTACT_MODEL)

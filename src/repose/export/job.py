@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 # Advised time step of other programs over that of this engine. These programs damp each
 # contact of a clump separately, and compute the damping from the velocity half a step
-# earlier. With the whole step, the restitution of 0.5 became 0.474 in LAMMPS and 0.478 in
-# Yade. With half the step, it became 0.488 and 0.501.
-TIME_STEP_SHARE = 0.5
-# Largest advised time step as a share of the Rayleigh time.
-RAYLEIGH_SHARE = 0.2
-# Some contacts are replaced by a spring of constant stiffness. This stiffness is that of
-# the contact at this ratio of overlap to effective radius.
+# earlier. With the whole step, the restitution of 0.5 became 0.474 in LAMMPS and 0.478
+# in Yade. With half the step, it became 0.488 and 0.501.
+TIME_STEP_FRACTION = 0.5
+# Largest advised time step as a fraction of the Rayleigh time.
+RAYLEIGH_FRACTION = 0.2
+# Some contacts are replaced by a spring of constant stiffness. This stiffness is that
+# of the contact at this ratio of overlap to effective radius.
 TYPICAL_OVERLAP = 0.01
 # Relative differences between axes, and between moments of inertia, that are ignored.
 AXES_TOLERANCE = 1e-3
@@ -79,7 +79,8 @@ class Pair:
 class Job:
     """The grain and its pour through the funnel.
 
-    Vectors are given in the principal axes of the body. The origin is its centre of mass.
+    Vectors are given in the principal axes of the body. The origin is its centre of
+    mass.
 
     Attributes
     ----------
@@ -182,7 +183,8 @@ def make_job(
     parameters : mapping
         Contact parameters by name.
     particle : Particle
-        The grain: a clump of spheres or a sphere. With `one_sphere`, it may be any body.
+        The grain: a clump of spheres or a sphere. With `one_sphere`, it may be any
+        body.
     grain : mapping
         Measurements of the grain, as in berry.json.
     seed : int, optional
@@ -219,8 +221,8 @@ def make_job(
             allowed="multisphere: other programs take spheres",
         )
 
-    # The lever arm of the rolling resistance is the mean distance of the surface from the
-    # centre of mass.
+    # The lever arm of the rolling resistance is the mean distance of the surface from
+    # the centre of mass.
     materials = materials_of(scene)
     surface = average_over_surface(body.spheres_m)
     rayleigh_s = compute_rayleigh_time_s(
@@ -255,13 +257,13 @@ def make_job(
 def _advise_time_step_s(scene: Scene, rayleigh_s: float) -> float:
     """Choose the advised time step for other programs, with two digits [s].
 
-    It is `TIME_STEP_SHARE` of the study's time step, or of the longest step of this engine
-    if that is shorter, but at most `RAYLEIGH_SHARE` of the Rayleigh time of the smallest
-    sphere.
+    It is `TIME_STEP_FRACTION` of the study's time step, or of the longest step of this
+    engine if that is shorter, but at most `RAYLEIGH_FRACTION` of the Rayleigh time of
+    the smallest sphere.
     """
     study_step_s = scene.settings.simulation.time_step_s
     longest_s = min(longest_time_step(scene).time_step_s, study_step_s)
-    advised_s = min(TIME_STEP_SHARE * longest_s, RAYLEIGH_SHARE * rayleigh_s)
+    advised_s = min(TIME_STEP_FRACTION * longest_s, RAYLEIGH_FRACTION * rayleigh_s)
     return float(f"{advised_s:.2g}")
 
 
@@ -312,8 +314,8 @@ def _make_pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -
 def is_sphere(particle: "Particle") -> bool:
     """Tell whether a particle is one sphere.
 
-    It is if it is a clump of one sphere, or an ellipsoid whose axes differ by no more than
-    the fraction `AXES_TOLERANCE`.
+    It is if it is a clump of one sphere, or an ellipsoid whose axes differ by no more
+    than the fraction `AXES_TOLERANCE`.
     """
     if particle.is_clump:
         return len(particle.spheres_m) == 1
@@ -324,8 +326,8 @@ def is_sphere(particle: "Particle") -> bool:
 def make_equal_sphere(particle: "Particle") -> "Particle":
     """Make a clump of one sphere with the volume and the mass of a particle.
 
-    If the particle is already a clump of one sphere, the sphere keeps its radius, and the
-    volume is computed from this radius.
+    If the particle is already a clump of one sphere, the sphere keeps its radius, and
+    the volume is computed from this radius.
     """
     mass_kg = particle.mass_kg
     if len(particle.spheres_m) == 1:
@@ -404,8 +406,8 @@ class SurfaceMeans(NamedTuple):
 def average_over_surface(spheres_m: np.ndarray, n_points: int = 2000) -> SurfaceMeans:
     """Average the radius and the distance from the centre over a clump's surface.
 
-    Only the free surface counts, that is, the parts of the spheres' surfaces that do not
-    lie inside another sphere.
+    Only the free surface counts, that is, the parts of the spheres' surfaces that do
+    not lie inside another sphere.
 
     Parameters
     ----------
@@ -421,7 +423,8 @@ def average_over_surface(spheres_m: np.ndarray, n_points: int = 2000) -> Surface
 
     Notes
     -----
-    Each sample point represents an area proportional to the squared radius of its sphere.
+    Each sample point represents an area proportional to the squared radius of its
+    sphere.
     """
     centres = spheres_m[:, :3]
     # A point is free if it is at least this far from each centre. The factor prevents

@@ -12,13 +12,14 @@ from repose.export.laws import (
     compute_rolling_stiffness,
 )
 
-# Damping of the rolling spring, as a fraction of critical damping for the mass of a grain.
+# Damping of the rolling spring, as a fraction of critical damping for the mass of a
+# grain.
 ROLLING_DAMPING = 0.5
-# Coefficients of the polynomial in the restitution that gives the damping over sqrt(k m)
-# of `damping tsuji`, the highest power first (Marshall 2009, Eq. 53).
+# Coefficients of the polynomial in the restitution that gives the damping over sqrt(k
+# m) of `damping tsuji`, the highest power first (Marshall 2009, Eq. 53).
 TSUJI_COEFFICIENTS = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
 # Smallest restitution that LAMMPS accepts.
-LEAST_RESTITUTION = 1e-6
+MIN_RESTITUTION = 1e-6
 # Keywords of LAMMPS for the tangential spring, by contact law of the study.
 TANGENTIAL_SPRINGS = {
     "hertz_mindlin": "mindlin",
@@ -114,14 +115,14 @@ def compute_restitutions(job: Job) -> dict[str, float]:
     -------
     dict
         ``e_gg`` and ``e_gp`` are the restitutions between grains, and between grain and
-        wall, for the damping `coeff_restitution`. ``tsuji_gg`` and ``tsuji_gp`` are those
-        for the damping `tsuji` of older versions. The latter are negative if no
+        wall, for the damping `coeff_restitution`. ``tsuji_gg`` and ``tsuji_gp`` are
+        those for the damping `tsuji` of older versions. The latter are negative if no
         restitution gives the damping of the study.
     """
     restitutions = {}
     for name, pair in job.pairs.items():
         restitutions[f"e_{name}"] = compute_equivalent_restitution(
-            pair, LEAST_RESTITUTION
+            pair, MIN_RESTITUTION
         )
 
         # Find the restitution at which the polynomial equals the study's damping. It is

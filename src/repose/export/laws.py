@@ -1,15 +1,16 @@
 """Compute the numbers with which other programs reproduce the study's force laws.
 
-A program that reads a coefficient of restitution computes its damping with the formula of
-Tsuji, Tanaka and Ishida (1992). This formula allows the two bodies to attract each other
-at the end of a contact. If the study forbids this attraction, its damping is different.
-`compute_equivalent_restitution` returns the restitution for which the formula gives the
-damping of the study. The program must then suppress attractive normal forces, too.
+A program that reads a coefficient of restitution computes its damping with the formula
+of Tsuji, Tanaka and Ishida (1992). This formula allows the two bodies to attract each
+other at the end of a contact. If the study forbids this attraction, its damping is
+different. `compute_equivalent_restitution` returns the restitution for which the
+formula gives the damping of the study. The program must then suppress attractive normal
+forces, too.
 
-In the study, the lever arm of the rolling resistance is the distance from the contact to
-the centre of the clump. In other programs, it is the effective radius of the two touching
-spheres. With the coefficient of `compute_rolling_coefficient`, the mean torque is the
-same in both.
+In the study, the lever arm of the rolling resistance is the distance from the contact
+to the centre of the clump. In other programs, it is the effective radius of the two
+touching spheres. With the coefficient of `compute_rolling_coefficient`, the mean torque
+is the same in both.
 """
 
 import math
@@ -44,12 +45,12 @@ def compute_equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
 def compute_rolling_coefficient(job: Job, pair: Pair) -> float:
     """Compute the coefficient of rolling friction of a pair for another program.
 
-    In the study, the lever arm of the torque is the mean distance from the surface to the
-    centre of the grain. In the program, it is the effective radius of two spheres. The
-    coefficient is scaled so that both torques are equal.
+    In the study, the lever arm of the torque is the mean distance from the surface to
+    the centre of the grain. In the program, it is the effective radius of two spheres.
+    The coefficient is scaled so that both torques are equal.
 
-    If a law resists the rotation of one grain relative to another, the lever arm between
-    two grains is half the mean distance.
+    If a law resists the rotation of one grain relative to another, the lever arm
+    between two grains is half the mean distance.
 
     Parameters
     ----------
@@ -109,8 +110,8 @@ def describe_law_constants(job: Job) -> list[str]:
             )
         lines.append(f"{line}.")
 
-    # The twisting friction may be set for both contacts, for one or for none. If it is not
-    # set for a contact, the engine computes it from the static friction mu_s.
+    # The twisting friction may be set for both contacts, for one or for none. If it is
+    # not set for a contact, the engine computes it from the static friction mu_s.
     if TWISTING.name in grains or TWISTING.name in on_wall:
         default = "3 pi / 16 mu_s"
         lines.append(

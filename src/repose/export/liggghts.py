@@ -13,12 +13,12 @@ from repose.export.laws import (
 from repose.export.surface import N_FACETS, write_stl
 
 # LIGGGHTS refuses a coefficient of restitution of 0.05 or less.
-LEAST_RESTITUTION = 0.0501
+MIN_RESTITUTION = 0.0501
 # Rolling models of LIGGGHTS for laws that have another name in the study.
 ROLLING_MODELS = {"budget": "epsd2", "constant_torque": "cdt"}
-# LIGGGHTS treats two faces as one if the angle between them is below a limit. This limit is
-# set to this factor times the angle between neighbouring facets of the funnel.
-FOLD_SHARE = 1.1
+# LIGGGHTS treats two faces as one if the angle between them is below a limit. This
+# limit is set to this factor times the angle between neighbouring facets of the funnel.
+FOLD_FRACTION = 1.1
 
 
 def make_deck(job: Job) -> dict[str, str]:
@@ -43,13 +43,11 @@ def make_deck(job: Job) -> dict[str, str]:
     if has_cohesion:
         model = f"cohesion sjkr {model}"
 
-    # In the template, the names of numbers end in gg for contacts between grains, and in gp
-    # for contacts between grain and wall.
+    # In the template, the names of numbers end in gg for contacts between grains, and
+    # in gp for contacts between grain and wall.
     pair_values: dict[str, object] = {}
     for name, pair in job.pairs.items():
-        pair_values[f"e_{name}"] = compute_equivalent_restitution(
-            pair, LEAST_RESTITUTION
-        )
+        pair_values[f"e_{name}"] = compute_equivalent_restitution(pair, MIN_RESTITUTION)
         pair_values[f"mur_{name}"] = compute_rolling_coefficient(job, pair)
         if has_cohesion:
             pair_values[f"k_{name}"] = pair.constants[COHESION_ENERGY_DENSITY.name]
@@ -64,7 +62,7 @@ def make_deck(job: Job) -> dict[str, str]:
         epsd=rolling_law == "epsd",
         eta=ETA,
         limit_force="off" if simulation.tension == "keep" else "on",
-        fold=FOLD_SHARE * 360.0 / N_FACETS,
+        fold=FOLD_FRACTION * 360.0 / N_FACETS,
         n_spheres=len(spheres_m),
         **pair_values,
     )
@@ -101,10 +99,10 @@ def _list_differences(job: Job) -> list[str]:
             "limitForce an impact then ends with the restitution calibrated"
         )
     for bodies, pair in (("grains", job.grains), ("grain and wall", job.on_wall)):
-        if compute_equivalent_restitution(pair, LEAST_RESTITUTION) == LEAST_RESTITUTION:
+        if compute_equivalent_restitution(pair, MIN_RESTITUTION) == MIN_RESTITUTION:
             differences.append(
                 f"{bodies}: the study's damping is stronger than coefficientRestitution "
-                f"{LEAST_RESTITUTION:g} gives, the least that LIGGGHTS takes"
+                f"{MIN_RESTITUTION:g} gives, the least that LIGGGHTS takes"
             )
     return differences
 
@@ -112,7 +110,8 @@ def _list_differences(job: Job) -> list[str]:
 def find_prime(seed: int) -> int:
     """Find the prime number with which LIGGGHTS seeds its random numbers.
 
-    LIGGGHTS requires a prime above 10000. Each seed of the study gives a different prime.
+    LIGGGHTS requires a prime above 10000. Each seed of the study gives a different
+    prime.
 
     Parameters
     ----------

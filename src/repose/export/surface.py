@@ -19,8 +19,8 @@ LONGEST_FACET_M = 0.024
 def compute_profile(funnel: Funnel) -> np.ndarray:
     """Compute the inner profile of the funnel in the half plane (r, z).
 
-    The profile is a line along the cone, the rounded edge at the neck, the tube if there
-    is one, and the rounded edge of the outlet.
+    The profile is a line along the cone, the rounded edge at the neck, the tube if
+    there is one, and the rounded edge of the outlet.
 
     Parameters
     ----------

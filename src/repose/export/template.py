@@ -1,8 +1,8 @@
 """Make the template of a deck, in which parameters are replaced by names in braces.
 
-The section `simulator` of a study reads such a template (docs/simulators.md). To find out
-which numbers of a deck depend on a parameter, the deck is written again with another value
-of this parameter.
+The section `simulator` of a study reads such a template (docs/simulators.md). To find
+out which numbers of a deck depend on a parameter, the deck is written again with
+another value of this parameter.
 """
 
 import re
@@ -123,7 +123,8 @@ def make_template(
     InputError
         If a parameter changes no number, or a number that is not proportional to it.
     """
-    # Text and numbers alternate: entries with even indices are text, the others numbers.
+    # Text and numbers alternate: entries with even indices are text, the others
+    # numbers.
     parts = NUMBER.split(render(parameters))
     template_parts = list(parts)
     for name in names:
@@ -135,8 +136,8 @@ def make_template(
         if not positions:
             raise _make_proportion_error(name)
 
-        # Replace each number that has changed. It must be proportional to the parameter,
-        # and no other parameter may have replaced it.
+        # Replace each number that has changed. It must be proportional to the
+        # parameter, and no other parameter may have replaced it.
         for position in positions:
             is_number = position % 2 == 1
             is_replaced = template_parts[position] != parts[position]

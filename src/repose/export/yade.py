@@ -22,8 +22,8 @@ def make_deck(job: Job) -> dict[str, str]:
         spheres=_format_list(job.particle.spheres_m),
         masses=_format_list(weights * job.particle.mass_kg),
         inertia=_format_list(inertia),
-        damping_gg=_compute_damping_share(job.grains),
-        damping_gp=_compute_damping_share(job.on_wall),
+        damping_gg=_compute_damping_fraction(job.grains),
+        damping_gp=_compute_damping_fraction(job.on_wall),
         eta=job.grains.rolling_friction * job.lever_m / job.mean_radius_m,
         krot=compute_rolling_stiffness(job.grains),
         moment_gp=job.on_wall.rolling_friction * job.lever_m,
@@ -35,7 +35,7 @@ def make_deck(job: Job) -> dict[str, str]:
     return {"pour.py": text}
 
 
-def _compute_damping_share(pair: Pair) -> float:
+def _compute_damping_fraction(pair: Pair) -> float:
     """Compute the damping of a pair as a fraction of its critical damping.
 
     The factor sqrt(5/6) results from the nonlinear spring of Hertz's law.
@@ -74,9 +74,9 @@ def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     shares : ndarray
-        Share (M,) of each sphere in the mass. The shares are as equal as possible while
-        their sum is 1, their centre of mass is the origin and their products of inertia
-        are zero.
+        Share (M,) of each sphere in the mass. The fractions are as equal as possible
+        while their sum is 1, their centre of mass is the origin and their products of
+        inertia are zero.
     inertia : ndarray
         Moments of inertia (3,) of each sphere [kg m2]. Their sum is the difference
         between the moments of the grain and those of point masses at the centres.
@@ -97,7 +97,7 @@ def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
     required = np.zeros(len(conditions))
     required[0] = 1.0
 
-    # Find the smallest change to equal shares with which the conditions are met.
+    # Find the smallest change to equal fractions with which the conditions are met.
     equal_shares = np.full(n_spheres, 1.0 / n_spheres)
     residual = required - conditions @ equal_shares
     change = np.linalg.lstsq(conditions, residual, rcond=1e-9)[0]

@@ -261,7 +261,8 @@ def compute_mean_grain(
     statistics : DataFrame
         A row for each dimension (`summarise_sizes`).
     grain : dict
-        The mean grain: axes, elastic constants, density and spread of the sizes, by key.
+        The mean grain: axes, elastic constants, density and spread of the sizes, by
+        key.
 
     Raises
     ------
@@ -304,8 +305,8 @@ def compute_mean_grain(
         dict(zip(size_distribution.SPREAD_KEYS, spread, strict=True))
     )
 
-    # The published statistics describe only the crop whose sizes were reconstructed. For
-    # other sizes, an empty table takes their place.
+    # The published statistics describe only the crop whose sizes were reconstructed.
+    # For other sizes, an empty table takes their place.
     reference = published if has_reconstructed_sizes else published.iloc[:0]
     return summarise_sizes(sizes, reference), grain
 
@@ -353,8 +354,8 @@ def _compute_elasticity(
         allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
         raise InputError("berry", "compression", None, allowed)
     tests = read_compression(compression_csv)
-    # The check of a force compares the elastic moduli, which also depend on the sizes. So
-    # it makes sense only if the sizes are plausible.
+    # The check of a force compares the elastic moduli, which also depend on the sizes.
+    # So it makes sense only if the sizes are plausible.
     faults = _find_size_faults(compression_csv, tests, sizes_csv, sizes)
     if not faults:
         faults = _find_force_faults(compression_csv, tests)
@@ -521,7 +522,7 @@ def _compute_size_spread(
     Returns
     -------
     Spread
-        The spread as a share of the mean diameter. For reconstructed sizes it is
+        The spread as a fraction of the mean diameter. For reconstructed sizes it is
         estimated from the published range, if there is one.
     """
     dimension = "equivalent_diameter_mm"

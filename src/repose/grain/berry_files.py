@@ -89,8 +89,8 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
         )
         raise InputError(path, "minor_mm", minor_mm, allowed)
 
-    # Check each grain. A size must not be far from the median of its column, and an axis
-    # must not be longer than the one in the previous column.
+    # Check each grain. A size must not be far from the median of its column, and an
+    # axis must not be longer than the one in the previous column.
     faults: list[Fault] = []
     axis_before = None
     for axis in SIZE_COLUMNS:

@@ -34,8 +34,8 @@ N_DIRECTIONS = 2000  # directions in which a particle is fitted to a mesh
 # Largest allowed deviation of the support values, in mean radii of the mesh
 LARGEST_DEVIATION = 0.15
 # Largest allowed relative difference between the volumes of particle and mesh. A smooth
-# body cannot follow the sharp edges of a mesh, and a single ellipsoid fits less well than
-# a sum of several.
+# body cannot follow the sharp edges of a mesh, and a single ellipsoid fits less well
+# than a sum of several.
 VOLUME_TOLERANCE = 0.1
 ELLIPSOID_VOLUME_TOLERANCE = 0.2
 
@@ -86,8 +86,8 @@ def fit_particle(
         If the fitted particle differs too much from the mesh.
     """
     check_positive(source, density_kg_m3=density_kg_m3)
-    # A support value is the extent of the mesh from its centre in one direction [m]. The
-    # mean radius is that of a ball with the volume of the mesh.
+    # A support value is the extent of the mesh from its centre in one direction [m].
+    # The mean radius is that of a ball with the volume of the mesh.
     directions = sphere_directions(N_DIRECTIONS)
     mesh_support = compute_support(mesh, directions) * MM
     mean_radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
@@ -249,7 +249,8 @@ def compare_particles(
     Parameters
     ----------
     particles : mapping
-        The particles by name. If a particle could not be made, the error is in its place.
+        The particles by name. If a particle could not be made, the error is in its
+        place.
 
     Returns
     -------
@@ -415,8 +416,8 @@ def _make_stl_from_axes(
     except InputError as error:
         if error.key != "mass_g":
             raise
-        # If the grains vary widely in size, their mean mass may be too large for the mean
-        # axes. Tell the user what to do about it.
+        # If the grains vary widely in size, their mean mass may be too large for the
+        # mean axes. Tell the user what to do about it.
         allowed = f"{error.allowed}; without it, the mean volume of the sizes is taken"
         raise InputError(error.source, error.key, error.value, allowed) from error
     return write_stl(mesh)

@@ -102,8 +102,8 @@ def _trim_stl(content: bytes, source: object) -> bytes:
     Raises
     ------
     InputError
-        If the file is truncated, if its numbers have decimal commas, or if a second body
-        follows in a binary file.
+        If the file is truncated, if its numbers have decimal commas, or if a second
+        body follows in a binary file.
     """
     text = content.removeprefix(BYTE_ORDER_MARK).lower().replace(b"\r", b"\n")
     beginning = text[:BEGINNING_BYTES]
@@ -182,8 +182,8 @@ def _trim_binary_stl(content: bytes, source: object) -> bytes:
         raise InputError(source, "facets", n_facets, allowed)
     end = STL_HEADER_BYTES + STL_FACET_BYTES * n_in_header
     rest = content[end:].strip(b"\0\t\r\n ")
-    # If the rest is long enough for a header and a facet, it is taken for a second body.
-    # A shorter rest, such as a comment that a program has added, is removed.
+    # If the rest is long enough for a header and a facet, it is taken for a second
+    # body. A shorter rest, such as a comment that a program has added, is removed.
     if len(rest) >= STL_HEADER_BYTES + STL_FACET_BYTES:
         allowed = f"{n_in_header}, as its header says: one body"
         raise InputError(source, "facets", n_facets, allowed)
@@ -211,7 +211,8 @@ def _read_mesh(file: Any, file_type: str | None, source: object) -> trimesh.Trim
     Raises
     ------
     InputError
-        If trimesh cannot read the file, or if the mesh cannot be the surface of a grain.
+        If trimesh cannot read the file, or if the mesh cannot be the surface of a
+        grain.
     """
     try:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
@@ -257,8 +258,8 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     Parameters
     ----------
     mesh : Trimesh
-        The mesh in mm. It is changed in place: equal vertices are merged, and bad facets
-        may be removed (`_remove_bad_facets`).
+        The mesh in mm. It is changed in place: equal vertices are merged, and bad
+        facets may be removed (`_remove_bad_facets`).
     source : object
         The mesh's file, for messages.
 
@@ -369,8 +370,8 @@ def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputErro
     InputError
         The error, which counts the bad edges of each kind.
     """
-    # `mesh.edges` lists an edge once for each of its facets, as a pair of vertices. Give
-    # equal edges the same number, and count the facets of each edge.
+    # `mesh.edges` lists an edge once for each of its facets, as a pair of vertices.
+    # Give equal edges the same number, and count the facets of each edge.
     _, edge_numbers, n_facets = np.unique(
         mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True
     )
@@ -431,8 +432,8 @@ def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
 def move_to_principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Copy a mesh and move the copy to the principal pose.
 
-    In this pose the centre of mass is at the origin, and the principal axes lie along x,
-    y and z. The axis with the smallest moment of inertia, usually the longest, is x.
+    In this pose the centre of mass is at the origin, and the principal axes lie along
+    x, y and z. The axis with the smallest moment of inertia, usually the longest, is x.
 
     Parameters
     ----------
@@ -444,8 +445,8 @@ def move_to_principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     Trimesh
         The copy.
     """
-    # The rows of this matrix are the principal axes, in ascending order of their moments
-    # of inertia.
+    # The rows of this matrix are the principal axes, in ascending order of their
+    # moments of inertia.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
     # The sign of an eigenvector is arbitrary. Make the largest component of each axis
     # positive, so that the pose does not depend on the routine that computes them.
@@ -504,7 +505,7 @@ def compute_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
         The values (N,), in the unit of the mesh.
     """
     vertices = np.asarray(mesh.convex_hull.vertices)
-    # Process the directions in chunks. An array of all directions times all vertices of a
-    # scan would take gigabytes.
+    # Process the directions in chunks. An array of all directions times all vertices of
+    # a scan would take gigabytes.
     chunks = np.array_split(n, 1 + len(n) // DIRECTIONS_PER_CHUNK)
     return np.concatenate([(chunk @ vertices.T).max(axis=1) for chunk in chunks])

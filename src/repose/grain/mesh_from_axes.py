@@ -40,9 +40,9 @@ class _Details:
 def compute_profile_exponents(shape: float) -> tuple[float, float]:
     """Compute the exponents m and k of the profile r(t) = (1 - abs(t)^m)^k.
 
-    Of two bodies with the same axes, the one with the larger shape number has the larger
-    volume. The shape number 2 gives an ellipsoid. Above 2, the shape number is m, and
-    k = 1 / m. Below 2, the shape number is 1 / k, and m = 2.
+    Of two bodies with the same axes, the one with the larger shape number has the
+    larger volume. The shape number 2 gives an ellipsoid. Above 2, the shape number is
+    m, and k = 1 / m. Below 2, the shape number is 1 / k, and m = 2.
     """
     if shape >= 2:
         return shape, 1 / shape
@@ -143,12 +143,12 @@ def _list_faces(n_rings: int) -> np.ndarray:
     Returns
     -------
     ndarray of int
-        Numbers (T, 3) of the corners of each triangle, in counter-clockwise order as seen
-        from outside.
+        Numbers (T, 3) of the corners of each triangle, in counter-clockwise order as
+        seen from outside.
     """
     n_points = n_rings * SECTORS + 2
-    # Number the points of the first ring, and for each of them the next point around the
-    # ring. For another ring, the number of its first point is added to both.
+    # Number the points of the first ring, and for each of them the next point around
+    # the ring. For another ring, the number of its first point is added to both.
     point = np.arange(SECTORS)
     neighbour = (point + 1) % SECTORS
     last_ring = (n_rings - 1) * SECTORS

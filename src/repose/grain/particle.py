@@ -85,8 +85,8 @@ class Particle:
     """Rigid particle in its body frame.
 
     The axes of the frame are the principal axes of the particle, of which x has the
-    smallest moment of inertia. The origin is the centre of mass. The support function of
-    a convex particle is the sum of the support functions of K co-axial ellipsoids. A
+    smallest moment of inertia. The origin is the centre of mass. The support function
+    of a convex particle is the sum of the support functions of K co-axial ellipsoids. A
     multisphere has the mass and the moments of its mesh, and the volume of the union of
     its spheres.
 
@@ -103,9 +103,9 @@ class Particle:
     bounding_radius_m : float
         Distance of the farthest point from the centre.
     deviation_max_m, deviation_rms_m : float
-        Largest and root mean square deviation from the mesh. For a convex particle, these
-        are deviations of the support values, and for a multisphere distances between the
-        surfaces.
+        Largest and root mean square deviation from the mesh. For a convex particle,
+        these are deviations of the support values, and for a multisphere distances
+        between the surfaces.
     mesh_volume_m3 : float, optional
         Volume of the mesh; None without a mesh.
     stl : str
@@ -326,8 +326,8 @@ def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
         numbers = array.reshape(ARRAY_SHAPES.get(key, ()))
     except (TypeError, ValueError):
         raise error from None
-    # `reshape` accepts any array with the right number of values, so compare the shapes,
-    # too. An empty list stands for an array without rows.
+    # `reshape` accepts any array with the right number of values, so compare the
+    # shapes, too. An empty list stands for an array without rows.
     has_right_shape = array.size == 0 or array.shape == numbers.shape
     if not has_right_shape or not np.all(np.isfinite(numbers)):
         raise error

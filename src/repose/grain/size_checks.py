@@ -55,9 +55,9 @@ class SizeGroups(NamedTuple):
 def find_best_split(values: np.ndarray) -> Split:
     """Split values into small and large ones so that the split explains most variance.
 
-    The result is the exact solution of k-means for two groups in one dimension. For many
-    normally distributed values it explains the share 2/pi of the variance, and for many
-    uniformly distributed values the share 3/4.
+    The result is the exact solution of k-means for two groups in one dimension. For
+    many normally distributed values it explains the fraction 2/pi of the variance, and
+    for many uniformly distributed values the fraction 3/4.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def find_best_split(values: np.ndarray) -> Split:
     Returns
     -------
     Split
-        The number of small values, and the share of the variance that the split
+        The number of small values, and the fraction of the variance that the split
         explains.
     """
     sorted_values = np.sort(np.asarray(values, float))
@@ -92,9 +92,9 @@ def find_best_split(values: np.ndarray) -> Split:
 
 @cache
 def estimate_chance_share(n_values: int) -> float:
-    """Estimate the share of the variance that the best split explains by chance.
+    """Estimate the fraction of the variance that the best split explains by chance.
 
-    The best split of uniformly distributed values exceeds this share with the
+    The best split of uniformly distributed values exceeds this fraction with the
     probability `SIGNIFICANCE`. The dip test also compares a sample with the uniform
     distribution, because it is the least favourable one with a single mode.
 
@@ -106,7 +106,7 @@ def estimate_chance_share(n_values: int) -> float:
     Returns
     -------
     float
-        The share, from 0 to 1.
+        The fraction, from 0 to 1.
 
     Notes
     -----
@@ -151,8 +151,8 @@ def compute_largest_volume(axes: Sequence[float]) -> float:
     """Compute the largest volume that a body with given full axes can have.
 
     The long axis is the largest extent of the body in any direction. If the body is
-    symmetric about three perpendicular planes, it lies both in the ball whose diameter is
-    the long axis and in the box around the axes. The result is the volume of the
+    symmetric about three perpendicular planes, it lies both in the ball whose diameter
+    is the long axis and in the box around the axes. The result is the volume of the
     intersection of the ball and the box.
 
     Parameters
@@ -175,7 +175,8 @@ def compute_largest_volume(axes: Sequence[float]) -> float:
     def compute_quarter_area(y: float) -> float:
         """Compute a quarter of the area of the cross-section at the distance y.
 
-        The cross-section of the ball is a disc, which the box cuts off at half its height.
+        The cross-section of the ball is a disc, which the box cuts off at half its
+        height.
         """
         # Rounding errors could make the differences of squares negative.
         circle_radius = math.sqrt(max(ball_radius**2 - y**2, 0.0))

@@ -121,8 +121,8 @@ def draw_sizes(
     Returns
     -------
     ndarray
-        Sizes s (count,) with E[s^3] = 1, so that the mean volume is preserved. To achieve
-        this, the drawn sizes are divided by `compute_normalisation`.
+        Sizes s (count,) with E[s^3] = 1, so that the mean volume is preserved. To
+        achieve this, the drawn sizes are divided by `compute_normalisation`.
     """
     if sd == 0:
         return np.ones(count)

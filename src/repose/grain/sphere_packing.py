@@ -20,8 +20,8 @@ HIGHEST_COUNT = 60
 VOLUME_TOLERANCE = 0.02
 SHORTEST_AXIS_TOLERANCE = 0.03
 # A volume is quick to estimate if the number of points is divided by
-# `SCREENING_REDUCTION`. The estimate is accurate enough to refuse a packing whose volume
-# differs by more than `SCREENING_TOLERANCE`.
+# `SCREENING_REDUCTION`. The estimate is accurate enough to refuse a packing whose
+# volume differs by more than `SCREENING_TOLERANCE`.
 SCREENING_TOLERANCE = 0.03
 SCREENING_REDUCTION = 16
 
@@ -85,8 +85,8 @@ def pack(
     Raises
     ------
     InputError
-        If `count` or `surface` is not an allowed value, or if "fewest" finds no number of
-        spheres that represents the mesh.
+        If `count` or `surface` is not an allowed value, or if "fewest" finds no number
+        of spheres that represents the mesh.
     """
     is_number = isinstance(count, int) and 1 <= count <= MOST_SPHERES
     if not is_number and count != FEWEST:
@@ -196,20 +196,22 @@ class _SpherePacker:
         Returns
         -------
         ndarray or None
-            The grown spheres; None if the volume of their union, or its extent along the
-            shortest axis, is outside the tolerances.
+            The grown spheres; None if the volume of their union, or its extent along
+            the shortest axis, is outside the tolerances.
         """
         mesh_extents = np.ptp(self.box, axis=0)
         shortest_axis = int(mesh_extents.argmin())
         shortest_extent = mesh_extents[shortest_axis]
         mesh_volume = abs(self.mesh.volume)
 
-        # Find the growth at which the union reaches the largest allowed extent along the
-        # shortest axis. When all radii grow, the union grows at both ends of the axis.
+        # Find the growth at which the union reaches the largest allowed extent along
+        # the shortest axis. When all radii grow, the union grows at both ends of the
+        # axis.
         largest_extent = (1 + SHORTEST_AXIS_TOLERANCE) * shortest_extent
         largest_growth = (largest_extent - _measure_extent(spheres, shortest_axis)) / 2
 
-        # Use few points first, which is much faster and is enough to refuse most packings.
+        # Use few points first, which is much faster and is enough to refuse most
+        # packings.
         for n_points, tolerance in (
             (N_VOLUME_POINTS // SCREENING_REDUCTION, SCREENING_TOLERANCE),
             (N_VOLUME_POINTS, VOLUME_TOLERANCE),
@@ -257,8 +259,8 @@ def sample_surface(
     normals : ndarray
         The outward normals (count, 3) of the surface at these points.
     """
-    # The Halton sequence gives evenly spread numbers (count, 3) between 0 and 1. Skip its
-    # first row, which is three zeros.
+    # The Halton sequence gives evenly spread numbers (count, 3) between 0 and 1. Skip
+    # its first row, which is three zeros.
     numbers = qmc.Halton(3, scramble=False).random(count + 1)[1:]
     # The first number chooses the face, in proportion to its area.
     cumulated_areas = np.cumsum(mesh.area_faces)
@@ -303,8 +305,8 @@ def _find_candidate_balls(
     grid = np.stack(np.meshgrid(*coordinates, indexing="ij"), axis=-1).reshape(-1, 3)
 
     # The depth of a point is its distance below the nearest face of the convex hull.
-    # Process the points in chunks. An array of all points times all faces of a scan would
-    # take gigabytes.
+    # Process the points in chunks. An array of all points times all faces of a scan
+    # would take gigabytes.
     hull = mesh.convex_hull
     # Distances of the planes of the faces from the origin, along their normals
     plane_distances = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
@@ -355,8 +357,8 @@ def compute_union_volume(
     spheres : ndarray
         Centres and radii (M, 4).
     box : ndarray
-        Lower and upper corner (2, 3) of a box. If it does not contain the whole union, it
-        is enlarged.
+        Lower and upper corner (2, 3) of a box. If it does not contain the whole union,
+        it is enlarged.
     count : int
         Number of points.
 
@@ -446,14 +448,15 @@ def _choose_balls(
     centres = centres[is_large]
     radii = radii[is_large]
 
-    # Compute the gap between each surface point and each ball (P, N), and find out which
-    # pairs of balls are far enough apart (N, N).
+    # Compute the gap between each surface point and each ball (P, N), and find out
+    # which pairs of balls are far enough apart (N, N).
     gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - radii
     squared_gaps = np.square(gaps).astype(np.float32)
     centre_distances = np.linalg.norm(centres[:, None] - centres[None], axis=2)
     is_separated = centre_distances >= SPACING * largest_radius
 
-    # Add the best remaining ball again and again, until a further one would gain little.
+    # Add the best remaining ball again and again, until a further one would gain
+    # little.
     smallest_gain = (SMALLEST_GAIN * largest_radius) ** 2
     chosen: list[int] = []
     best_score = np.inf

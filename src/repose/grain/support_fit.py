@@ -25,7 +25,7 @@ GOOD_RMS = 2e-3
 # A fit is also good enough if its largest deviation, over the smallest extent of the
 # body, is at most this.
 GOOD_DEVIATION = 0.01
-# A further component is kept only if it lowers the rms to this share or less.
+# A further component is kept only if it lowers the rms to this fraction or less.
 LARGEST_RMS_RATIO = 0.9
 # Limits of the half axes of a component, in mean radii. A needle or a disc would have a
 # vanishing radius of curvature, and the contact force would vanish with it.
@@ -59,7 +59,8 @@ def recognise_ellipsoid(
     directions : ndarray
         Unit vectors (N, 3) in which the fit is compared with the mesh.
     support_values : ndarray
-        Support values (N,) of the mesh in these directions, in the unit of the vertices.
+        Support values (N,) of the mesh in these directions, in the unit of the
+        vertices.
 
     Returns
     -------
@@ -75,9 +76,9 @@ def recognise_ellipsoid(
     if np.linalg.eigvalsh(matrix).min() <= 0:
         return None
 
-    # Relative to the centre of the ellipsoid, the equation is x'Bx = 1. The eigenvectors
-    # of B are the axes, and each eigenvalue is 1 over the square of a half axis. The
-    # eigenvalues ascend, so the longest axis comes first.
+    # Relative to the centre of the ellipsoid, the equation is x'Bx = 1. The
+    # eigenvectors of B are the axes, and each eigenvalue is 1 over the square of a half
+    # axis. The eigenvalues ascend, so the longest axis comes first.
     centre = -0.5 * np.linalg.solve(matrix, linear)
     centred_matrix = matrix / (1 + centre @ matrix @ centre)
     eigenvalues, axes = np.linalg.eigh(centred_matrix)
@@ -124,7 +125,8 @@ def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     right_side = np.ones(len(points))
     coefficients, *_ = np.linalg.lstsq(columns, right_side, rcond=None)
 
-    # The coefficients are in the order of the columns: first those of A, then those of b.
+    # The coefficients are in the order of the columns: first those of A, then those of
+    # b.
     matrix = np.zeros((3, 3))
     for (i, j), value in zip(QUADRIC_PAIRS, coefficients[:6], strict=True):
         matrix[i, j] = value
@@ -140,8 +142,8 @@ def fit_components(
 ) -> np.ndarray:
     """Fit a sum of co-axial ellipsoids to the support values of a body.
 
-    The numbers in `counts` are tried in turn until a fit is good enough. If none is, the
-    best fit is returned.
+    The numbers in `counts` are tried in turn until a fit is good enough. If none is,
+    the best fit is returned.
 
     Parameters
     ----------
@@ -179,8 +181,8 @@ def fit_components(
             break
         if count == 1:
             continue
-        # The fit is also good enough if a second fit can make its largest deviation small
-        # enough. This is not tried for a single ellipsoid.
+        # The fit is also good enough if a second fit can make its largest deviation
+        # small enough. This is not tried for a single ellipsoid.
         changed_axes = _reduce_largest_deviation(
             directions, support_values, radius, semi_axes
         )
@@ -229,7 +231,8 @@ def _reduce_largest_deviation(
         # `least_squares` squares these third powers.
         return ((support(axes, directions) - support_values) / largest) ** 3
 
-    # The start of a fit must lie within the bounds, but rounding errors could move it out.
+    # The start of a fit must lie within the bounds, but rounding errors could move it
+    # out.
     lower, upper = np.log(AXIS_BOUNDS)
     start = np.clip(np.log(semi_axes / radius).ravel(), lower, upper)
     fit = least_squares(
@@ -265,15 +268,15 @@ def _make_starts(
     """
     if count == 1:
         return [half_extents[None]]
-    # A division (count, 3) is the share of each ellipsoid in each half extent. The first
-    # divisions are random, with the number of ellipsoids as the seed.
+    # A division (count, 3) is the fraction of each ellipsoid in each half extent. The
+    # first divisions are random, with the number of ellipsoids as the seed.
     rng = np.random.default_rng(count)
     divisions = [
         rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(N_RANDOM_STARTS)
     ]
-    # In the other divisions the first ellipsoid is a needle along one axis, and the last
-    # one gets most of the rest. These starts lead to good fits of bodies that are blunter
-    # or more pointed than an ellipsoid.
+    # In the other divisions the first ellipsoid is a needle along one axis, and the
+    # last one gets most of the rest. These starts lead to good fits of bodies that are
+    # blunter or more pointed than an ellipsoid.
     for axis in range(3):
         shares = np.full((count, 3), 0.1)
         shares[0, axis] = 0.7
@@ -330,7 +333,8 @@ def _fit_by_least_squares(
         values = component_supports(axes, directions)
         return (numerators / values[:, :, None]).reshape(len(directions), -1)
 
-    # The start of a fit must lie within the bounds, but rounding errors could move it out.
+    # The start of a fit must lie within the bounds, but rounding errors could move it
+    # out.
     lower, upper = np.log(AXIS_BOUNDS)
     start_logarithms = np.clip(np.log(start / radius).ravel(), lower, upper)
     fit = least_squares(
@@ -370,8 +374,8 @@ def _make_quadrature(
     nodes, node_weights = np.polynomial.legendre.leggauss(n_latitudes)
     x = (nodes + 1) / 2
     x_weights = node_weights / 2
-    # Divide the quarter of each ring into equal steps. A direction lies in the middle of
-    # each step.
+    # Divide the quarter of each ring into equal steps. A direction lies in the middle
+    # of each step.
     azimuths = 0.5 * math.pi * (np.arange(n_longitudes) + 0.5) / n_longitudes
     ring_radii = np.sqrt(1 - x**2)[:, None]
     y = ring_radii * np.cos(azimuths)
@@ -398,19 +402,19 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
 
     Notes
     -----
-    The surface point with the normal n is x(n) = grad h, with the support function h. An
-    element of the surface has the area det Q dOmega, where Q = grad grad h on the tangent
-    plane. The body is the union of the cones from its centre to these elements. So the
-    volume is 1/3 int h det Q dOmega, and the integral of x_i^2 is
-    1/5 int x_i^2 h det Q dOmega.
+    The surface point with the normal n is x(n) = grad h, with the support function h.
+    An element of the surface has the area det Q dOmega, where Q = grad grad h on the
+    tangent plane. The body is the union of the cones from its centre to these elements.
+    So the volume is 1/3 int h det Q dOmega, and the integral of x_i^2 is 1/5 int x_i^2
+    h det Q dOmega.
     """
     # A single ellipsoid has the exact volume 4/3 pi a b c.
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
         return volume, volume / 5 * np.square(semi_axes[0])
 
-    # The points (N, K, 3) on the surface of each ellipsoid follow from its support values
-    # h (N, K).
+    # The points (N, K, 3) on the surface of each ellipsoid follow from its support
+    # values h (N, K).
     directions, weights = _make_quadrature()
     values = component_supports(semi_axes, directions)
     squared_axes = np.square(semi_axes)
@@ -449,8 +453,8 @@ def bounding_radius(semi_axes: np.ndarray) -> float:
     trial_directions = np.concatenate([np.eye(3), sphere_directions(1000)])
     order = np.argsort(-support(semi_axes, trial_directions))
     directions = trial_directions[order[:50]]
-    # Repeatedly replace each direction by that of its support point. Because h is convex
-    # and homogeneous, its value never decreases in such a step.
+    # Repeatedly replace each direction by that of its support point. Because h is
+    # convex and homogeneous, its value never decreases in such a step.
     for _ in range(200):
         points = support_point(semi_axes, directions)
         directions = points / np.linalg.norm(points, axis=1, keepdims=True)

@@ -158,7 +158,8 @@ def fit_steepest(
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL_REASON)
 
-    # Compute only the slopes of all stretches, which is fast. Then fit the steepest one.
+    # Compute only the slopes of all stretches, which is fast. Then fit the steepest
+    # one.
     lows, highs = _list_stretches(low, high, min_height)
     slopes = compute_window_slopes(distance, height, lows, highs)
     steepest = _find_best_window(slopes)
@@ -194,20 +195,21 @@ def _list_stretches(
 
 
 def fit_straightest(
-    profile: np.ndarray, smallest_share: float, rule: str = "columns"
+    profile: np.ndarray, smallest_fraction: float, rule: str = "columns"
 ) -> Line:
     """Fit the definition "straightest": the window of the largest correlation.
 
     A window consists of successive points of the side. The line is fitted to the window
-    in which distance and height correlate most, as in Li et al. (2020). They do not state
-    the size of their smallest window, so it is a parameter here.
+    in which distance and height correlate most, as in Li et al. (2020). They do not
+    state the size of their smallest window, so it is a parameter here.
 
     Parameters
     ----------
     profile : ndarray
         Heights (M,) of one side in pixels, from outside the foot to the crest.
-    smallest_share : float
-        Number of points of the smallest window, as a share of all points of the side.
+    smallest_fraction : float
+        Number of points of the smallest window, as a fraction of all points of the
+        side.
     rule : str
         The rule of `FLANK_RULES` that selects the points.
 
@@ -227,7 +229,7 @@ def fit_straightest(
     """
     distance, height = select_points(profile, FOOT_HEIGHT_PX, float(profile[-1]), rule)
     n_points = distance.size
-    min_points = max(MIN_LEVELS, math.ceil(smallest_share * n_points))
+    min_points = max(MIN_LEVELS, math.ceil(smallest_fraction * n_points))
     if n_points < min_points:
         raise NoFlankError(WALL_REASON)
     first, last = _list_windows(n_points, min_points)
@@ -557,7 +559,7 @@ def _compute_end_height(
     Parameters
     ----------
     end : float or str
-        A share of the height, or `ONE_GRAIN` for the height of a grain.
+        A fraction of the height, or `ONE_GRAIN` for the height of a grain.
     height : float
         Height of the crest in pixels.
     settings : MeasureSettings

@@ -143,7 +143,7 @@ def side_view(
 def occupied_share(
     frames: Iterable[silhouette.Grains], radius_m: float, mm_per_pixel: float
 ) -> np.ndarray:
-    """Compute the share of frames in which the bed covers each pixel.
+    """Compute the fraction of frames in which the bed covers each pixel.
 
     Parameters
     ----------
@@ -171,14 +171,14 @@ def surface_heights(
     """Compute the mean surface of a bed in many frames, as heights over the drum's axis.
 
     The higher a pixel lies, the fewer frames show the bed in it. The mean surface is at
-    the height where the share of these frames falls to a given value.
+    the height where the fraction of these frames falls to a given value.
 
     Parameters
     ----------
     occupied : ndarray
         Share (H, W) of frames in which the bed covers a pixel.
     covered : float
-        The value to which the share falls.
+        The value to which the fraction falls.
     x_m : ndarray
         Distances (M,) from the axis at which the heights are computed.
     radius_m : float
@@ -200,13 +200,13 @@ def surface_heights(
     top_rows = is_covered.argmax(axis=0)
 
     # Interpolate between the uppermost covered pixel and the pixel above it, to find
-    # where the share equals `covered`. The middle of row k lies k + 1/2 pixels below the
-    # upper border of the picture.
-    inner_share = occupied[top_rows, columns]
-    outer_share = np.where(top_rows > 0, occupied[top_rows - 1, columns], 0.0)
+    # where the fraction equals `covered`. The middle of row k lies k + 1/2 pixels below
+    # the upper border of the picture.
+    inner_fraction = occupied[top_rows, columns]
+    outer_fraction = np.where(top_rows > 0, occupied[top_rows - 1, columns], 0.0)
     # A column without a bed is replaced below. Until then, avoid a division by zero.
-    difference = np.where(has_bed, inner_share - outer_share, 1.0)
-    depth = top_rows + 0.5 - (inner_share - covered) / difference
+    difference = np.where(has_bed, inner_fraction - outer_fraction, 1.0)
+    depth = top_rows + 0.5 - (inner_fraction - covered) / difference
     surface = (n_rows - depth) * pixel_m - radius_m
 
     # A column without a bed shows the drum's wall.
@@ -310,7 +310,8 @@ def find_slip(
         The rows of the record at which the slip begins, is detected, and ends. None if
         there is no slip.
     """
-    # A slip is detected when the angle is far enough below its highest value until then.
+    # A slip is detected when the angle is far enough below its highest value until
+    # then.
     angle = np.asarray(bed_deg, float)
     highest_angle = np.maximum.accumulate(angle)
     slip_rows = np.flatnonzero(highest_angle - angle >= drop_deg)
@@ -363,8 +364,8 @@ def slip_displacement(
     distance = position @ along
     depth = -(position @ normal)
 
-    # Turn the later positions back by the rotation of the drum. A grain that only turned
-    # with the drum has then not moved.
+    # Turn the later positions back by the rotation of the drum. A grain that only
+    # turned with the drum has then not moved.
     displacement = to_drum_frame(after_m, turned_rad) - before_m
     motion = -displacement[:, ::2] @ along
     is_beyond = (distance < 0.0) | (distance > line_length)
@@ -400,9 +401,9 @@ def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.
 
 
 def moved_share(moved_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
-    """Compute the share of grains that moved by more than the equivalent diameter.
+    """Compute the fraction of grains that moved by more than the equivalent diameter.
 
-    A motion of NaN does not count. If there is no other, the share is 0.
+    A motion of NaN does not count. If there is no other, the fraction is 0.
     """
     known = moved_m[np.isfinite(moved_m)]
     if len(known) == 0:

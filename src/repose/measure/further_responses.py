@@ -50,10 +50,10 @@ RESPONSE_NAMES = (
     "radius_90_mm",
     "loose_percent",
 )
-# Borders of the flanks, in shares of the Height
+# Borders of the flanks, in fractions of the Height
 LOWER_FLANK_TO = 0.5
 UPPER_FLANK_TO = 0.8
-SCATTER_SHARE = 0.9  # of the grains, within `radius_90_mm`
+SCATTER_FRACTION = 0.9  # of the grains, within `radius_90_mm`
 N_LEVELS = 200  # heights at which the silhouette's width is measured for the volume
 
 
@@ -169,7 +169,7 @@ def measure_scatter(
     -------
     dict
         ``radius_90_mm`` is the radius around the middle of the plate that contains 90 %
-        of the grains on it. ``loose_percent`` is the share of them outside the pile.
+        of the grains on it. ``loose_percent`` is the fraction of them outside the pile.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def measure_scatter(
     is_loose = is_on_plate & ~np.asarray(in_pile, bool)
     loose_percent = 100 * np.count_nonzero(is_loose) / np.count_nonzero(is_on_plate)
     return {
-        "radius_90_mm": float(np.quantile(distance_mm[is_on_plate], SCATTER_SHARE)),
+        "radius_90_mm": float(np.quantile(distance_mm[is_on_plate], SCATTER_FRACTION)),
         "loose_percent": float(loose_percent),
     }
 

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 MIN_SIDE_PX = 20
 MAX_PIXELS = 200_000_000
 PICTURE_FORMATS = "PNG, JPEG, TIFF, BMP"
-# A phone's HEIC file has four bytes of another meaning, these four, and one of the brands.
+# A phone's HEIC file has four bytes of another meaning, these four, and one of the
+# brands.
 HEIC_MARK = b"ftyp"
 HEIC_BRANDS = (
     b"heic",
@@ -30,8 +31,8 @@ HEIC_BRANDS = (
     b"mif1",
     b"msf1",
 )
-# The brightest tone of a picture is estimated by this quantile, because single hot pixels
-# are brighter. A part of the rows and columns is enough for it.
+# The brightest tone of a picture is estimated by this quantile, because single hot
+# pixels are brighter. A part of the rows and columns is enough for it.
 PEAK_QUANTILE = 0.999
 PEAK_STEP = 8
 
@@ -65,7 +66,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
         )
 
     # Check the header first, because decoding a huge picture could take all the memory.
-    _refuse_heic(path)
+    _reject_heic(path)
     has_header = _check_header(path)
     content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     image: np.ndarray | None
@@ -114,7 +115,7 @@ def _keep_upper_bits(image: np.ndarray) -> np.ndarray:
     return np.minimum(np.right_shift(image, shift), 255).astype(np.uint8)
 
 
-def _refuse_heic(path: Path) -> None:
+def _reject_heic(path: Path) -> None:
     """Raise InputError for a HEIC file, which is known by its first bytes."""
     with path.open("rb") as file:
         start = file.read(12)
@@ -130,8 +131,8 @@ def _refuse_heic(path: Path) -> None:
 def _check_header(path: Path) -> bool:
     """Check the size of a picture and its number of pages, before it is decoded.
 
-    A file whose header Pillow cannot read is accepted here, because OpenCV decides later
-    whether it is a picture.
+    A file whose header Pillow cannot read is accepted here, because OpenCV decides
+    later whether it is a picture.
 
     Returns
     -------

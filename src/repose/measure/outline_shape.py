@@ -12,9 +12,9 @@ import numpy as np
 DOUBT = "doubtful"  # begins each doubt about a pile
 # Limits, in heights of a grain and in heights of the pile; the larger one counts
 LARGEST_RISE_GRAINS = 1.5  # of the outline, away from the crest
-LARGEST_RISE_SHARE = 0.12
+LARGEST_RISE_FRACTION = 0.12
 LARGEST_DROP_GRAINS = 2.0  # of the outline within half a grain
-LARGEST_DROP_SHARE = 0.2
+LARGEST_DROP_FRACTION = 0.2
 
 
 class PileSize(NamedTuple):
@@ -28,14 +28,14 @@ class PileSize(NamedTuple):
     def largest_rise_mm(self) -> float:
         """Largest rise of the outline of a single pile, away from its crest."""
         return max(
-            LARGEST_RISE_GRAINS * self.grain_mm, LARGEST_RISE_SHARE * self.height_mm
+            LARGEST_RISE_GRAINS * self.grain_mm, LARGEST_RISE_FRACTION * self.height_mm
         )
 
     @property
     def largest_drop_mm(self) -> float:
         """Largest drop of the outline of a single pile within half a grain."""
         return max(
-            LARGEST_DROP_GRAINS * self.grain_mm, LARGEST_DROP_SHARE * self.height_mm
+            LARGEST_DROP_GRAINS * self.grain_mm, LARGEST_DROP_FRACTION * self.height_mm
         )
 
 

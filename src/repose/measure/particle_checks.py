@@ -23,31 +23,32 @@ from repose.measure.outline_shape import (
 )
 from repose.measure.particle_files import Particles
 
-# Two bodies are at the same place if their centres are nearer than this share of the
+# Two bodies are at the same place if their centres are nearer than this fraction of the
 # smallest semi-axis.
-SAME_PLACE_SHARE = 0.01
+SAME_PLACE_FRACTION = 0.01
 # Random places between the grains of a pile. Grains of any sizes leave more space.
 N_PLACES = 2000
-LARGEST_FILLED_SHARE = 0.9
+LARGEST_FILLED_FRACTION = 0.9
 # The lowest grain of a pile is at most this many radii above the plate.
 LARGEST_GAP_RADII = 1.0
 # Share of a pile below the plate from which the plate cannot be right.
-LARGEST_SHARE_BELOW = 0.1
+LARGEST_FRACTION_BELOW = 0.1
 # Share of particles outside the measured pile that deserves a line.
-LARGEST_SHARE_OUTSIDE = 0.25
+LARGEST_FRACTION_OUTSIDE = 0.25
 LARGEST_USUAL_RADIUS_M = 0.05
-# Limits of the outline in heights of the pile. They are wider than those of photographs,
-# because the file may hold spheres of clumps, which are smaller than the grains.
-LARGEST_RISE_SHARE_OF_SPHERES = 0.25
-LARGEST_DROP_SHARE_OF_SPHERES = 0.5
+# Limits of the outline in heights of the pile. They are wider than those of
+# photographs, because the file may hold spheres of clumps, which are smaller than the
+# grains.
+LARGEST_RISE_FRACTION_OF_SPHERES = 0.25
+LARGEST_DROP_FRACTION_OF_SPHERES = 0.5
 # Angles of a round pile differ between its views by less [degrees]. Those of a pile of
 # fewer grains depend on single grains.
 LARGEST_ANGLE_RANGE_DEG = 12.0
 LOWEST_ROUND_PILE_GRAINS = 4.0
-# A lowest layer that reaches farther beyond the grains above it is a floor: in heights of
-# a grain, and as a share of the layer's radius
+# A lowest layer that reaches farther beyond the grains above it is a floor: in heights
+# of a grain, and as a fraction of the layer's radius
 LARGEST_SKIRT_GRAINS = 6.0
-LARGEST_SKIRT_SHARE = 0.3
+LARGEST_SKIRT_FRACTION = 0.3
 
 
 class MeasuredShape(NamedTuple):
@@ -88,9 +89,10 @@ def require_distinct_places(particles: Particles, source: object) -> None:
 
     if len(particles.centres) < 2:
         return
-    # The nearest centre to each centre is itself, and the next one that of another body.
+    # The nearest centre to each centre is itself, and the next one that of another
+    # body.
     distances, neighbours = cKDTree(particles.centres).query(particles.centres, k=2)
-    is_repeated = distances[:, 1] < SAME_PLACE_SHARE * particles.semi_axes.min()
+    is_repeated = distances[:, 1] < SAME_PLACE_FRACTION * particles.semi_axes.min()
     if is_repeated.any():
         row = int(np.flatnonzero(is_repeated)[0])
         other = int(neighbours[row][neighbours[row] != row][0])
@@ -141,14 +143,14 @@ def require_space_between(
         near = tree.query_ball_point(place, largest_radius)
         distances = np.linalg.norm(centres[near] - place, axis=1)
         n_filled += bool((distances < radii[near]).any())
-    filled_share = n_filled / len(places)
-    if filled_share > LARGEST_FILLED_SHARE:
+    filled_fraction = n_filled / len(places)
+    if filled_fraction > LARGEST_FILLED_FRACTION:
         raise InputError(
             source,
             key="radius",
             value=f"{format_significant(float(radii.mean()))} {unit}",
             allowed=f"the radius of grains with space between them; these fill "
-            f"{filled_share:.0%} of the pile: is it the diameter?",
+            f"{filled_fraction:.0%} of the pile: is it the diameter?",
         )
 
 
@@ -178,23 +180,23 @@ def require_touched_plate(
         )
 
 
-def require_pile_above(share_below: float, *, base: float, source: object) -> None:
+def require_pile_above(fraction_below: float, *, base: float, source: object) -> None:
     """Raise InputError if much of a pile lies below the plate that was found for it.
 
     Parameters
     ----------
-    share_below : float
+    fraction_below : float
         Share of the touching particles that lie below the plate.
     base : float
         Height of the plate.
     source : object
         The file, for messages.
     """
-    if share_below > LARGEST_SHARE_BELOW:
+    if fraction_below > LARGEST_FRACTION_BELOW:
         raise InputError(
             source,
             key="base",
-            value=f"unclear: {share_below:.0%} of the pile is below the plane on which "
+            value=f"unclear: {fraction_below:.0%} of the pile is below the plane on which "
             f"most grains lie, {format_significant(base)}",
             allowed="--up, the direction against gravity, or --base, the height of the "
             "plate",
@@ -223,14 +225,14 @@ def list_doubts(shape: MeasuredShape) -> list[str]:
     drop_mm = float(np.median([measure_drop(sides, size) for sides in all_sides]))
     doubts = []
     if rise_mm > max(
-        size.largest_rise_mm, LARGEST_RISE_SHARE_OF_SPHERES * size.height_mm
+        size.largest_rise_mm, LARGEST_RISE_FRACTION_OF_SPHERES * size.height_mm
     ):
         doubts.append(
             f"{DOUBT}: away from its crest the outline rises by {rise_mm / size.height_mm:.0%} of "
             "the Height, as of two piles"
         )
     if drop_mm > max(
-        size.largest_drop_mm, LARGEST_DROP_SHARE_OF_SPHERES * size.height_mm
+        size.largest_drop_mm, LARGEST_DROP_FRACTION_OF_SPHERES * size.height_mm
     ):
         doubts.append(
             f"{DOUBT}: the outline falls by {drop_mm / size.height_mm:.0%} of the Height at once, "
@@ -258,7 +260,7 @@ def _list_doubts_of_base(shape: MeasuredShape) -> list[str]:
     skirt_mm = layer_mm - above_mm
     if (
         skirt_mm > LARGEST_SKIRT_GRAINS * size.grain_mm
-        and skirt_mm > LARGEST_SKIRT_SHARE * layer_mm
+        and skirt_mm > LARGEST_SKIRT_FRACTION * layer_mm
     ):
         doubts.append(
             f"{DOUBT}: its lowest layer of grains reaches {skirt_mm:.3g} mm beyond those above, as "
@@ -301,7 +303,7 @@ def list_notes(
         )
     n_bodies = len(is_measured)
     n_outside = n_bodies - int(is_measured.sum())
-    if n_outside > LARGEST_SHARE_OUTSIDE * n_bodies:
+    if n_outside > LARGEST_FRACTION_OUTSIDE * n_bodies:
         notes.append(
             f"{n_outside} of {n_bodies} particles do not belong to the measured pile, "
             f"{n_below} of them below the plate"

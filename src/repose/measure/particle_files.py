@@ -39,7 +39,8 @@ UNITS_ITEM = "ITEM: UNITS"
 LENGTH_UNITS = {"si": "m", "cgs": "cm"}
 YADE_FORMAT = "#format "  # begins the text of Yade
 TABLE = "a table with a header"  # describes a file that has no other format
-# Names that a column may have, by the quantity, in the order in which they are preferred.
+# Names that a column may have, by the quantity, in the order in which they are
+# preferred.
 COLUMN_NAMES = {
     "x": ("x", "xu"),
     "y": ("y", "yu"),
@@ -64,7 +65,8 @@ ID_COLUMN = "id"  # of a particle
 LOWEST_CLUMP = 0
 LOWEST_MOLECULE = 1
 MOLECULE_COLUMN = "mol"
-# A radius and a diameter of one particle agree to this share, because they are rounded.
+# A radius and a diameter of one particle agree to this fraction, because they are
+# rounded.
 SIZE_TOLERANCE = 0.01
 ONCE = "each particle once, at a single time"
 POSITION = ("x", "y", "z")
@@ -153,10 +155,10 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
         If a column is missing, if a cell is no number or has an impossible value, or if
         both the file and `radius` give sizes.
     """
-    _refuse_compressed(path)
+    _reject_compressed(path)
     table = _read_table(Path(path), may_lack_header=radius is not None)
     if radius is not None:
-        _refuse_sizes(path, table)
+        _reject_sizes(path, table)
         table["radius"] = radius
     if table.empty:
         raise InputError(
@@ -178,7 +180,7 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
     )
 
 
-def _refuse_compressed(path: StrPath) -> None:
+def _reject_compressed(path: StrPath) -> None:
     """Raise InputError for a file whose name says that it is compressed."""
     _, compression = mimetypes.guess_type(path)
     if compression is not None:
@@ -193,9 +195,9 @@ def _refuse_compressed(path: StrPath) -> None:
 def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
     """Find the grain to which each particle belongs.
 
-    A particle is a separate grain if the file has no numbers of clumps, or if its number
-    is below that of any clump. Yade and LIGGGHTS mark a particle outside clumps by -1,
-    LAMMPS by molecule 0.
+    A particle is a separate grain if the file has no numbers of clumps, or if its
+    number is below that of any clump. Yade and LIGGGHTS mark a particle outside clumps
+    by -1, LAMMPS by molecule 0.
 
     Parameters
     ----------
@@ -300,7 +302,7 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _refuse_sizes(path: StrPath, table: pd.DataFrame) -> None:
+def _reject_sizes(path: StrPath, table: pd.DataFrame) -> None:
     """Raise InputError for a table that has sizes although the user gave a radius."""
     size_quantities = {"radius", "diameter", *SEMI_AXES, *FULL_AXES}
     for quantity, column in _find_columns(table).items():
@@ -345,8 +347,8 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
             value=f"a dump without {ATOMS_ITEM}",
             allowed="a whole dump",
         )
-    # The header has the names of the columns after the words of the item. All rows of the
-    # last time step follow it.
+    # The header has the names of the columns after the words of the item. All rows of
+    # the last time step follow it.
     last_header = header_numbers[-1]
     names = lines[last_header].removeprefix(ATOMS_ITEM).split()
     rows = lines[last_header + 1 :]
@@ -572,7 +574,8 @@ def _read_sizes(
 ) -> np.ndarray:
     """Read semi-axes (N, 3) from the first kind of sizes that a table has.
 
-    The arguments are those of `_read_semi_axes`. Raises InputError if there are no sizes.
+    The arguments are those of `_read_semi_axes`. Raises InputError if there are no
+    sizes.
     """
     if columns.keys() >= set(SEMI_AXES):
         return _read_numbers(path, table, columns, SEMI_AXES)
@@ -618,8 +621,8 @@ def _read_quaternions(
 ) -> np.ndarray:
     """Read the orientations (N, 4) of the particles.
 
-    If the table has none, the axes of a particle are those of the file. The arguments are
-    those of `_read_semi_axes`. Raises InputError for an incomplete orientation.
+    If the table has none, the axes of a particle are those of the file. The arguments
+    are those of `_read_semi_axes`. Raises InputError for an incomplete orientation.
     """
     if "qw" not in columns:
         return np.tile(NO_ROTATION, (len(table), 1))

@@ -35,7 +35,8 @@ from repose.measure.silhouette import Grains
 RADII_M = (1e-6, 1.0)
 # Pixels across a grain of the file, where the settings leave the scale to the program.
 PIXELS_PER_GRAIN = 32
-# Grains lie on the base if their lowest points differ by less than this share of a radius.
+# Grains lie on the base if their lowest points differ by less than this fraction of a
+# radius.
 LAYER_RADII = 0.2
 # The base has this many times as many grains as a plane across any other direction.
 SMALLEST_COUNT_RATIO = 2.0
@@ -126,8 +127,8 @@ def measure_particles(
         N bodies.
     settings : MeasureSettings, optional
         Settings as for a photograph. If they lack the height of a grain, it is the
-        diameter of a sphere of the grains' mean volume. If the scale is `auto`, which is
-        the default, a grain is `PIXELS_PER_GRAIN` pixels wide.
+        diameter of a sphere of the grains' mean volume. If the scale is `auto`, which
+        is the default, a grain is `PIXELS_PER_GRAIN` pixels wide.
     unit : str
         Unit of lengths in the file, one of `UNITS`.
     up : str, optional
@@ -177,8 +178,8 @@ def measure_particles(
     if particles.are_spheres:
         in_pile = _mark_pile(particles, centres)
         if not is_base_given:
-            share_below = float(1 - is_above[in_pile].mean())
-            checks.require_pile_above(share_below, base=base, source=source)
+            fraction_below = float(1 - is_above[in_pile].mean())
+            checks.require_pile_above(fraction_below, base=base, source=source)
         if not is_above.all():
             in_pile = _mark_pile(particles, centres, is_above)
     is_measured = is_above if in_pile is None else in_pile
@@ -344,8 +345,8 @@ def _find_lowest_points(particles: Particles, up: np.ndarray) -> np.ndarray:
 def _find_base(bottoms: np.ndarray, layer_thickness: float) -> float:
     """Find the height of the plate, as the median of the lowest layer of grains.
 
-    This layer is the densest one of a given thickness, so that grains that fell from the
-    plate do not count. If several layers are equally dense, it is the lowest.
+    This layer is the densest one of a given thickness, so that grains that fell from
+    the plate do not count. If several layers are equally dense, it is the lowest.
 
     Parameters
     ----------
@@ -607,7 +608,7 @@ def _measure_shape(
         )
     except NoFlankError:
         return {}
-    is_overfull = shape["packing_percent"] > 100 * checks.LARGEST_FILLED_SHARE
+    is_overfull = shape["packing_percent"] > 100 * checks.LARGEST_FILLED_FRACTION
     if volume_m3 is None or is_overfull:
         del shape["packing_percent"]
     return shape

@@ -124,8 +124,8 @@ def find_profile(pile: "Segmentation") -> tuple[np.ndarray, int]:
 def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measurement:
     """Measure a picture that is split into pile and background.
 
-    The result lacks an angle that cannot be measured, and has the reason instead. If the
-    response is such an angle, `with_response` raises an error.
+    The result lacks an angle that cannot be measured, and has the reason instead. If
+    the response is such an angle, `with_response` raises an error.
 
     Parameters
     ----------
@@ -144,8 +144,8 @@ def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measur
     last_column = profile.size - 1
     angles = {}
     for name, (aor_deg, left, right) in measured.items():
-        # Convert the ends of both lines, which are distances and heights, to columns and
-        # rows of the picture. Distances on the right side are counted from the last
+        # Convert the ends of both lines, which are distances and heights, to columns
+        # and rows of the picture. Distances on the right side are counted from the last
         # column backwards.
         left_line = tuple(
             (distance, pile.base_row - height) for distance, height in left.ends
@@ -241,7 +241,8 @@ def measure_profiles(
         measured, reasons = measure_sides(profile, crest, settings)
         for name, angle in measured.items():
             angles[name][view] = angle.angle_deg
-        # If several views have a reason for a missing angle, that of the first view counts.
+        # If several views have a reason for a missing angle, that of the first view
+        # counts.
         first_reasons = reasons | first_reasons
     return PileResult(
         response=settings.response,

@@ -37,8 +37,8 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     Returns
     -------
     dict
-        The content of the file. Its key ``pours`` has a list of pours, each with a seed,
-        a status, a reason (which may be empty) and numbers.
+        The content of the file. Its key ``pours`` has a list of pours, each with a
+        seed, a status, a reason (which may be empty) and numbers.
 
     Raises
     ------
@@ -155,8 +155,8 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
     ending : str
         The text after the name of an array in the file, for messages.
     """
-    # Slice the number of grains from the shape, as a tuple (N,). It is empty if the array
-    # has too few dimensions.
+    # Slice the number of grains from the shape, as a tuple (N,). It is empty if the
+    # array has too few dimensions.
     grain_shape = arrays["position"].shape[-2:-1]
     for name in (*N_COLUMNS, *NUMBERS_PER_GRAIN):
         if name not in arrays:

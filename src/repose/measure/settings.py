@@ -17,8 +17,8 @@ AXIS_KEYS = ("long_mm", "major_mm", "minor_mm")
 DEFAULT_MM_PER_PIXEL = 0.25
 FINEST_MM_PER_PIXEL = 0.02
 COARSEST_MM_PER_PIXEL = 5.0
-# The height of a grain may lie beyond the axes of the mean grain by this factor, because
-# grains differ in size.
+# The height of a grain may lie beyond the axes of the mean grain by this factor,
+# because grains differ in size.
 GRAIN_HEIGHT_MARGIN = 2.0
 
 
@@ -183,7 +183,7 @@ def describe_height_band(settings: MeasureSettings) -> str:
 def _describe_end(end: float | str) -> str:
     """Describe an end of the flank, as `fit_from` and `fit_to` give it.
 
-    A share of the height is written in percent, without its unit.
+    A fraction of the height is written in percent, without its unit.
     """
     if end == ONE_GRAIN:
         return "one grain"
@@ -203,8 +203,8 @@ def describe_line_of_response(settings: MeasureSettings | None, response: str) -
     Returns
     -------
     str
-        The text of `line_of` for an angle of repose. It is empty for any other response,
-        and if there are no settings.
+        The text of `line_of` for an angle of repose. It is empty for any other
+        response, and if there are no settings.
     """
     if settings is None:
         return ""

@@ -209,8 +209,8 @@ def _compute_convex_outlines(
     # Turn the axes of the picture into the frame of each body.
     body_right = np.einsum("nij,i->nj", rotations, right)
     body_up = rotations[:, 2, :]
-    # A point of the outline is where a plane touches the body that is perpendicular to a
-    # direction in the picture.
+    # A point of the outline is where a plane touches the body that is perpendicular to
+    # a direction in the picture.
     half_circle = circle[: OUTLINE_DIRECTIONS // 2]
     cos, sin = np.split(half_circle, 2, axis=1)
     normals = cos * body_right[:, None, :] + sin * body_up[:, None, :]
@@ -297,7 +297,8 @@ def paint_outlines(
                 "measure.mm_per_pixel needs fewer"
             ),
         )
-    # Convert the outlines to columns and rows, counted from the middle of the first pixel.
+    # Convert the outlines to columns and rows, counted from the middle of the first
+    # pixel.
     pixels = np.empty_like(polygons_m)
     pixels[..., 0] = (polygons_m[..., 0] - left_m) / pixel_m - 0.5
     pixels[..., 1] = height - polygons_m[..., 1] / pixel_m - 0.5

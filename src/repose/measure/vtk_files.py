@@ -32,8 +32,8 @@ def read_table(path: Path) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A row for each point. The columns are `x`, `y`, `z`, and each value of the points
-        that is a single number. Vectors are left out.
+        A row for each point. The columns are `x`, `y`, `z`, and each value of the
+        points that is a single number. Vectors are left out.
 
     Raises
     ------

@@ -23,9 +23,9 @@ class StudyView:
     Parameters
     ----------
     config : mapping
-        The configuration as plain values, such as `PipelineConfig.config`. It has already
-        been checked, and is not checked again. It may contain only the sections that a
-        figure reads.
+        The configuration as plain values, such as `PipelineConfig.config`. It has
+        already been checked, and is not checked again. It may contain only the sections
+        that a figure reads.
     """
 
     def __init__(self, config: Config) -> None:
@@ -63,7 +63,8 @@ class StudyView:
         name : str
             Name of the section.
         model : type
-            Type of the section, a subclass of `Section`. Its values are not checked again.
+            Type of the section, a subclass of `Section`. Its values are not checked
+            again.
 
         Returns
         -------

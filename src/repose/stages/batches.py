@@ -10,7 +10,7 @@ import pandas as pd
 
 from repose.calibrate.dataset_files import read_definitions
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Definitions, refuse_other_definitions
+from repose.calibrate.responses import Definitions, reject_other_definitions
 from repose.calibrate.runs import mean_and_error, name_error_column, select_bench_runs
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.strategies import answer as answers
@@ -74,7 +74,7 @@ def write_proposal(
     """
     for folder in folders:
         batch_definitions, path = read_definitions(Path(folder) / "dataset.csv")
-        refuse_other_definitions(
+        reject_other_definitions(
             batch_definitions, path, expected=definitions, source=source
         )
     runs = read_runs_of_batches(folders, study.targets, parameter_names)
@@ -82,7 +82,8 @@ def write_proposal(
         proposal = strategy(strategy_name).propose(study, runs)
     except InputError as error:
         # The strategy knows no files. Raise its error again with the folder of the last
-        # batch as the source. Before the first batch, the strategy itself is the source.
+        # batch as the source. Before the first batch, the strategy itself is the
+        # source.
         fault_source = folders[-1] if folders else strategy_name
         raise InputError(
             fault_source, key=error.key, value=error.value, allowed=error.allowed

@@ -349,7 +349,8 @@ def translate_faults(
 
         value = fault["input"]
         if fault["type"] == "missing":
-            # Pydantic's input is the section that lacks the key, not a value of the key.
+            # Pydantic's input is the section that lacks the key, not a value of the
+            # key.
             value = None
             detail = "the key is missing"
         elif fault["type"] == "extra_forbidden":

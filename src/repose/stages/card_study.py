@@ -72,7 +72,7 @@ SPHERE_INERTIA_FACTOR = 0.4
 # points.
 MESH_RINGS = 48
 MESH_POINTS_OF_RING = 96
-# A smaller standard deviation of the sizes, as a share of their mean, is a rounding
+# A smaller standard deviation of the sizes, as a fraction of their mean, is a rounding
 # error.
 SMALLEST_SPREAD = 1e-9
 
@@ -487,8 +487,8 @@ def _describe_angles(
     dict
         ``line`` describes the line of the response. If the row has the angles by all
         definitions, ``definitions`` has the line, the mean angle and its standard error
-        by the name of the definition. The dict is empty if the response is not the angle
-        of a pile.
+        by the name of the definition. The dict is empty if the response is not the
+        angle of a pile.
     """
     from repose.measure.angles import MEAN_KEYS
     from repose.measure.settings import describe_line_of_response, line_of

@@ -166,7 +166,8 @@ def _list_strong_correlations(card: Card) -> str:
     Returns
     -------
     str
-        Each pair whose absolute correlation is at least `STRONG_CORRELATION`, or "none".
+        Each pair whose absolute correlation is at least `STRONG_CORRELATION`, or
+        "none".
     """
     correlations = card["correlations"]
     correlated_pairs = []

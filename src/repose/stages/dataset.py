@@ -1,8 +1,8 @@
 """Make the table of samples from the measured runs of the bench tests.
 
-It has the responses of each sample with their standard errors. Section 4.1.1 of the paper
-leaves out samples that formed no stable pile. Here they stay in the table with a status
-and a reason, and the readers of the table leave them out.
+It has the responses of each sample with their standard errors. Section 4.1.1 of the
+paper leaves out samples that formed no stable pile. Here they stay in the table with a
+status and a reason, and the readers of the table leave them out.
 """
 
 import math
@@ -247,7 +247,8 @@ def read_jobs(
     Raises
     ------
     InputError
-        If a job is damaged or belongs to no sample, or if a sample has no job or several.
+        If a job is damaged or belongs to no sample, or if a sample has no job or
+        several.
     """
     parameter_columns = list(list_parameters(samples, parameter_names))
     parameters_of_samples = samples.set_index("sample")[parameter_columns]

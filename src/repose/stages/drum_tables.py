@@ -100,8 +100,8 @@ def write_tables(
 ) -> "dict[str, pd.DataFrame]":
     """Measure saved runs of the drum, and write their tables.
 
-    The tables are runs.csv, summary.csv, record.csv and profile.csv. The file median.npz
-    is a copy of the frames of the run that `choose_median_run` chooses.
+    The tables are runs.csv, summary.csv, record.csv and profile.csv. The file
+    median.npz is a copy of the frames of the run that `choose_median_run` chooses.
 
     Parameters
     ----------
@@ -279,8 +279,9 @@ def _average(values: np.ndarray) -> dict[str, float]:
     Returns
     -------
     dict
-        Mean, standard error, lowest and highest value, and the number of runs, by column
-        of the summary. Columns that cannot be computed from so few runs are left out.
+        Mean, standard error, lowest and highest value, and the number of runs, by
+        column of the summary. Columns that cannot be computed from so few runs are left
+        out.
     """
     n_runs = len(values)
     averages: dict[str, float] = {"runs": n_runs}

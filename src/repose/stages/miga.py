@@ -7,7 +7,7 @@ from repose.calibrate import expected_loss
 from repose.calibrate.bounds import find_near_bounds
 from repose.calibrate.inversion import invert
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Definitions, refuse_other_definitions
+from repose.calibrate.responses import Definitions, reject_other_definitions
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import load
 from repose.calibrate.surrogates.support import Support
@@ -64,7 +64,7 @@ def find_solutions(
         If the surrogate has other responses or definitions.
     """
     surrogate = load(surrogate_json, targets.names)
-    refuse_other_definitions(
+    reject_other_definitions(
         surrogate.definitions, surrogate_json, expected=definitions, source=source
     )
     # Read the published intervals before the search, which takes minutes.

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.calibrate.dataset_files import read_definitions
-from repose.calibrate.responses import Definitions, refuse_other_definitions
+from repose.calibrate.responses import Definitions, reject_other_definitions
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import train_surrogate
@@ -64,7 +64,7 @@ def write_surrogate(  # noqa: PLR0913  (each is part of the study)
     dataset = read_dataset(dataset_csv, targets, parameter_names)
     runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
     dataset_definitions, summary_json = read_definitions(dataset_csv)
-    refuse_other_definitions(
+    reject_other_definitions(
         dataset_definitions, summary_json, expected=definitions, source=source
     )
     training = train_surrogate(

@@ -1,11 +1,11 @@
 """Rank further responses by the information that their measurement would add.
 
 Parameter sets are drawn from the posterior, and each is simulated a few times in every
-bench test of the configuration. A response that differs more between these sets than from
-run to run can tell them apart. Let tau^2 be the variance of its true mean between the
-sets. The mean of n repetitions has the error variance s^2 = sigma^2 / n + d^2, where
-sigma^2 is the variance of a single run and d is the discrepancy of the simulator. For
-normal variables the information is
+bench test of the configuration. A response that differs more between these sets than
+from run to run can tell them apart. Let tau^2 be the variance of its true mean between
+the sets. The mean of n repetitions has the error variance s^2 = sigma^2 / n + d^2,
+where sigma^2 is the variance of a single run and d is the discrepancy of the simulator.
+For normal variables the information is
 
     bits = 1/2 log2(1 + tau^2 / s^2)
 
@@ -46,7 +46,7 @@ COLUMNS = [
     "runs",
 ]
 # Smallest number of sets that must have two runs with a response.
-FEWEST_SETS = 4
+MIN_SETS = 4
 # Largest correlation. Larger ones are set to this, because 1 would give infinite
 # information.
 LARGEST_CORRELATION = 1 - 1e-12
@@ -95,7 +95,7 @@ def rank_responses(
 ) -> pd.DataFrame:
     """Compute how much information the measurement of each response would add.
 
-    A response is left out if fewer than `FEWEST_SETS` sets have two runs of it, or if
+    A response is left out if fewer than `MIN_SETS` sets have two runs of it, or if
     it never varies.
 
     Parameters
@@ -121,7 +121,7 @@ def rank_responses(
     groups = runs.groupby(["apparatus", "response"], sort=False)
     for (bench_test, response), response_runs in groups:
         has_several_runs = response_runs.groupby("sample").size() > 1
-        if has_several_runs.sum() < FEWEST_SETS:
+        if has_several_runs.sum() < MIN_SETS:
             continue
         variances = variance_components(response_runs["value"], response_runs["sample"])
 
@@ -160,7 +160,7 @@ def rank_responses(
             "next",
             key="runs",
             value=len(runs),
-            allowed=f"{FEWEST_SETS} sets or more with two runs of a response",
+            allowed=f"{MIN_SETS} sets or more with two runs of a response",
         )
     table = pd.DataFrame(rows, columns=COLUMNS)
     return table.sort_values("bits", ascending=False, kind="stable", ignore_index=True)
@@ -175,7 +175,7 @@ def _compute_information(
     ----------
     correlations : ndarray
         Intraclass correlations (n,) of the response: the variance between the parameter
-        sets as a share of the variance of all runs. An estimate below 0 counts as 0.
+        sets as a fraction of the variance of all runs. An estimate below 0 counts as 0.
     run_variance : float
         Variance of the runs of one parameter set.
     error_variance : float

@@ -102,8 +102,8 @@ def write_optimism(
     Returns
     -------
     pandas.DataFrame
-        Result of `repose.calibrate.optimism.estimate_optimism`. It is empty if no sample
-        has two runs, or if `miga.replicates` is 0.
+        Result of `repose.calibrate.optimism.estimate_optimism`. It is empty if no
+        sample has two runs, or if `miga.replicates` is 0.
     """
     surrogate = load(surrogate_json, targets.names)
     dataset = read_dataset(dataset_csv, targets, parameter_names)

@@ -170,8 +170,8 @@ def read_sample(
 def _read_unchanged_table(path: str | os.PathLike) -> dict[str, list] | None:
     """Read a table without checks, if this program wrote it and nothing changed it.
 
-    `tables.read` is avoided here, because it imports large libraries. Their import takes
-    a third of the time of a job that starts another program.
+    `tables.read` is avoided here, because it imports large libraries. Their import
+    takes a third of the time of a job that starts another program.
 
     Parameters
     ----------

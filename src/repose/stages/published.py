@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # their numbers stay below it.
 FIRST_PUBLISHED = 101
 # Largest number of sets in each of the two tables. Their sample numbers are 101 to 999.
-MOST_SETS = 449
+MAX_SETS = 449
 # Table next to the published solutions, with sets from other works, their source and
 # wall.
 OTHER_SETS_FILE = "others.csv"
@@ -175,9 +175,9 @@ def check_published_sets(path: StrPath | None) -> None:
                 is_number_column=holds_numbers,
             )
         )
-        if not 1 <= n_rows <= MOST_SETS:
+        if not 1 <= n_rows <= MAX_SETS:
             raise InputError(
-                table, key="rows", value=n_rows, allowed=f"1 to {MOST_SETS} solutions"
+                table, key="rows", value=n_rows, allowed=f"1 to {MAX_SETS} solutions"
             )
 
 

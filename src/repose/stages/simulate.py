@@ -295,8 +295,8 @@ def _find_unknown_targets(
 ) -> Iterator[InputError]:
     """Find targets whose response is in no file of a run.
 
-    A table of responses may have any column. Without this table, all responses come from
-    the pile of particles.
+    A table of responses may have any column. Without this table, all responses come
+    from the pile of particles.
     """
     if settings.output is not None:
         return

@@ -55,7 +55,7 @@ def read_dataset(
     _check_number_of_rows(
         dataset, dataset_csv, _read_expected_rows(dataset_csv, "samples")
     )
-    _refuse_repeated_rows(dataset, ["sample"], dataset_csv)
+    _reject_repeated_rows(dataset, ["sample"], dataset_csv)
     if parameter_names is None:
         _check_contact_parameters(dataset, dataset_csv)
     _check_responses(dataset, targets, dataset_csv)
@@ -104,7 +104,7 @@ def read_runs(
     key_columns = ["sample", "seed"]
     if has_several_bench_tests:
         key_columns.append("apparatus")
-    _refuse_repeated_rows(runs, key_columns, runs_csv)
+    _reject_repeated_rows(runs, key_columns, runs_csv)
     # With several bench tests, a run has only the responses of its own bench test.
     if not has_several_bench_tests:
         _check_responses(runs, targets, runs_csv)
@@ -277,7 +277,7 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
             )
 
 
-def _refuse_repeated_rows(
+def _reject_repeated_rows(
     table: pd.DataFrame, columns: list[str], path: object
 ) -> None:
     """Refuse rows with the same values in these columns."""

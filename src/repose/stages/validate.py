@@ -260,9 +260,9 @@ def make_table4(
     Returns
     -------
     pandas.DataFrame
-        For each solution the predicted responses, the simulated ones with their standard
-        errors, and the relative errors in percent. Piles also have their angle by every
-        definition, and `line`, which describes the calibrated one.
+        For each solution the predicted responses, the simulated ones with their
+        standard errors, and the relative errors in percent. Piles also have their angle
+        by every definition, and `line`, which describes the calibrated one.
     """
     parameters = list_parameters(rows, parameter_names)
     table = rows[["sample", *SELECTION_COLUMNS, *parameters]].copy()
@@ -324,8 +324,8 @@ def compare_with_measurement(
     targets : Targets
         The targets of the study.
     measure : MeasureSettings, optional
-        The section `measure`. If given, the column `line` describes the line by which an
-        angle of a pile is measured.
+        The section `measure`. If given, the column `line` describes the line by which
+        an angle of a pile is measured.
 
     Returns
     -------

@@ -12,7 +12,7 @@ from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.strategies.sequential.kriging import (
     FACTOR_MEDIAN,
     N_DRAWS,
-    PRIOR_FREEDOM,
+    PRIOR_DEGREES_OF_FREEDOM,
     Kriging,
     ObservedSamples,
     SpaceKriging,
@@ -158,12 +158,14 @@ def test_variances_are_right_at_large_noise():
 def test_the_noise_of_samples():
     observed = poured(n=3000, seeds=2)
     assert observed.estimate_noise() == pytest.approx(NOISE, rel=0.08)
-    assert observed.freedom == 3000
+    assert observed.degrees_of_freedom == 3000
     observed = poured(n=40, seeds=4)
     mixed = observed.residuals @ Kriging(observed)._mixing
     sample_variances = (mixed**2).sum(axis=1) / 3
     moderated = Kriging(observed).errors * Kriging(observed)._scale ** 2 * 4
-    expected = (PRIOR_FREEDOM + 3 * sample_variances) / (PRIOR_FREEDOM + 3)
+    expected = (PRIOR_DEGREES_OF_FREEDOM + 3 * sample_variances) / (
+        PRIOR_DEGREES_OF_FREEDOM + 3
+    )
     assert moderated == pytest.approx(expected)
     assert (np.minimum(sample_variances, 1) <= moderated + 1e-9).all()
     assert (moderated <= np.maximum(sample_variances, 1) + 1e-9).all()

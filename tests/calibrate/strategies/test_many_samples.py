@@ -176,8 +176,8 @@ def test_the_noise_of_many_single_runs_is_known_better_than_to_a_step_of_the_sha
         shares = np.ones(600)
         for values, variance in zip(observed.means.T, NOISE.diagonal(), strict=True):
             factors.append(estimate_nugget(observed.unit, values, shares) / variance)
-    # The best of `NOISE_SHARES` alone may be wrong by half a step.
-    half_step = np.sqrt(noise.NOISE_SHARES[1] / noise.NOISE_SHARES[0])
+    # The best of `NOISE_FRACTIONS` alone may be wrong by half a step.
+    half_step = np.sqrt(noise.NOISE_FRACTIONS[1] / noise.NOISE_FRACTIONS[0])
     assert np.abs(np.log(factors)).max() < np.log(half_step)
 
 

@@ -58,7 +58,7 @@ def test_the_noise_of_the_runs_and_errors_of_shares_by_hand():
     input_error(few, plan.estimate_noise, runs, TARGETS, "a.csv")
     shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
-    assert plan.compute_share_error(shares, trials).to_numpy() == pytest.approx(
+    assert plan.compute_fraction_error(shares, trials).to_numpy() == pytest.approx(
         by_hand, rel=1e-12
     )
     # 150 jobs of 6 pours of 500 grains took 27.6 MB

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from refusals import input_error, value_error
 
-from repose.calibrate.responses import refuse_other_definitions
+from repose.calibrate.responses import reject_other_definitions
 from repose.calibrate.surrogates import base, load, make, names
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.common.faults import find_schema
@@ -229,12 +229,12 @@ def test_correlated_noise_is_noticed_and_definitions_of_a_response_do_not_mix():
     assert (found[:, 0, 1] / np.sqrt(found[:, 0, 0] * found[:, 1, 1]) > 0.6).all()
     secant = {"aor_deg": {"measure.response": "secant"}}
     flank = {"aor_deg": {"measure.response": "flank"}}
-    refuse_other_definitions(
+    reject_other_definitions(
         secant, "network.json", secant | {"height_mm": {}}, "dataset.csv"
     )
     mixed = r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"
     input_error(
-        mixed, refuse_other_definitions, secant, "network.json", flank, "dataset.csv"
+        mixed, reject_other_definitions, secant, "network.json", flank, "dataset.csv"
     )
 
 

@@ -241,7 +241,7 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
 @pytest.mark.parametrize("slopes", [(1.0, 1.0), (2.0, -1.0), (0.0, 3.0)])
 def test_shares_on_a_triangle_are_the_closed_forms(slopes):
     a, b = slopes
-    found = sensitivity.compute_allowed_shares(
+    found = sensitivity.compute_allowed_fractions(
         lambda X: np.column_stack([5 + X @ [a, b], X[:, 0]]),
         np.zeros(2),
         np.ones(2),
@@ -269,7 +269,7 @@ def test_shares_on_a_triangle_are_the_closed_forms(slopes):
 
 
 def test_shares_without_a_forbidden_point_are_the_indices():
-    found = sensitivity.compute_allowed_shares(
+    found = sensitivity.compute_allowed_fractions(
         ishigami,
         LOW,
         HIGH,
@@ -292,7 +292,7 @@ def test_shares_are_those_of_rejection_sampling():
     def is_allowed(unit):
         return unit[:, 0] <= 0.7 * unit[:, 1]
 
-    found = sensitivity.compute_allowed_shares(
+    found = sensitivity.compute_allowed_fractions(
         respond,
         np.zeros(3),
         np.ones(3),

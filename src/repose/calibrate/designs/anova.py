@@ -65,9 +65,10 @@ def make_anova_table(model: Model) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        The columns are `ANOVA_COLUMNS`. There is a row for the model, for each term, for
-        the residual and for the total. If runs were repeated, there are also rows for
-        the lack of fit and the pure error. F and p are NaN in a row that is not tested.
+        The columns are `ANOVA_COLUMNS`. There is a row for the model, for each term,
+        for the residual and for the total. If runs were repeated, there are also rows
+        for the lack of fit and the pure error. F and p are NaN in a row that is not
+        tested.
     """
     # Sums of squares of the residuals, and of the responses about their mean.
     residual = model.residual_squares
@@ -187,8 +188,8 @@ def list_effects(model: Model) -> pd.DataFrame:
     pandas.DataFrame
         A row for each term, the largest contribution first: `term`, `coefficient` in
         coded units, `standard_error`, `t` (the coefficient divided by its standard
-        error, without sign), `p`, and `contribution_percent` (the partial sum of squares
-        in percent of the total).
+        error, without sign), `p`, and `contribution_percent` (the partial sum of
+        squares in percent of the total).
     """
     table = make_anova_table(model).set_index("source")
     # The first standard error is that of the constant, which is not an effect.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 # The source gives all of these numbers.
-FIRST_THRESHOLD = 0.005  # as a share of the phi_p of the first design
+FIRST_THRESHOLD = 0.005  # as a fraction of the phi_p of the first design
 MAX_CANDIDATES = 50  # number of random exchanges of which the best is tried
 MAX_TRIALS = 100  # largest number of trials in a round
 # The acceptance is low below the first and high above the second of these accepted
@@ -216,8 +216,8 @@ class _Walk:
         self._exponent = 1.0 / 2.0 ** (doublings + 1)
         n = len(start)
         self.n_candidates = min(MAX_CANDIDATES, max(1, n * (n - 1) // 10))
-        # Exclusive upper limits of two random numbers for each candidate: the first row,
-        # and the number of rows from the one after it to the second row.
+        # Exclusive upper limits of two random numbers for each candidate: the first
+        # row, and the number of rows from the one after it to the second row.
         self._limits = np.tile([n, n - 1], self.n_candidates)
         self.recompute_total()
 
@@ -260,10 +260,11 @@ def evolve_design(
 ) -> EvolvedDesigns:
     """Improve a design by enhanced stochastic evolution.
 
-    The criterion is `repose.calibrate.designs.latin_hypercube.phi_p`. Each trial chooses
-    the best of a few random exchanges in a column, and accepts it if phi_p rises by at
-    most a random share of the threshold. The trials of a round go through the columns in
-    turn. Numpy's warnings are off, because two equal points have an infinite repulsion.
+    The criterion is `repose.calibrate.designs.latin_hypercube.phi_p`. Each trial
+    chooses the best of a few random exchanges in a column, and accepts it if phi_p
+    rises by at most a random fraction of the threshold. The trials of a round go
+    through the columns in turn. Numpy's warnings are off, because two equal points have
+    an infinite repulsion.
 
     Parameters
     ----------

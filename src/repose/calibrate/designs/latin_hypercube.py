@@ -1,9 +1,9 @@
 """Latin hypercube designs: the best of 20, as in the paper, and an optimal one.
 
 The source is section 3.2.1 of the paper, with Eq. 5. A design is an (n, d) array in the
-unit cube with exactly one point in each of the n equal strata of every column. Distances
-are Euclidean distances in the unit cube, so they do not depend on the units of the
-parameters.
+unit cube with exactly one point in each of the n equal strata of every column.
+Distances are Euclidean distances in the unit cube, so they do not depend on the units
+of the parameters.
 """
 
 import functools
@@ -21,12 +21,12 @@ N_CANDIDATES = 20  # designs that `lhsdesign` compares, as in the paper
 PHI_POWER = 16.0  # power p of the criterion in comparison.csv
 # The optimal design is improved for the powers 16, 32 and 64 of `phi_p`, one after the
 # other. The first power shapes the whole design. The higher powers act on the closest
-# pairs, which determine the minimum distance. Each number here is the number of squarings
-# that lead from distance^2 to distance^power.
+# pairs, which determine the minimum distance. Each number here is the number of
+# squarings that lead from distance^2 to distance^power.
 PHI_DOUBLINGS = (3, 4, 5)
 ROUNDS_PER_POWER = 100
-# Positions keep this share of a stratum away from its edges, so that rounding in a file
-# cannot move a point into the neighbouring stratum.
+# Positions keep this fraction of a stratum away from its edges, so that rounding in a
+# file cannot move a point into the neighbouring stratum.
 EDGE_MARGIN = 1e-4
 METHOD_LABELS = {
     "random": "random Latin hypercube",
@@ -38,8 +38,8 @@ METHOD_LABELS = {
 def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
     """Draw a random Latin hypercube (n, d) in the unit cube.
 
-    The strata of the columns are paired at random, and each position within a stratum is
-    random.
+    The strata of the columns are paired at random, and each position within a stratum
+    is random.
     """
     position = rng.uniform(EDGE_MARGIN, 1.0 - EDGE_MARGIN, (n, d))
     stratum = np.stack([rng.permutation(n) for _ in range(d)], axis=1)
@@ -59,9 +59,9 @@ def minimum_distance(points: np.ndarray) -> float:
 def phi_p(points: np.ndarray) -> float:
     """Compute Morris and Mitchell's criterion of points (n, d); a small value is good.
 
-    The criterion is (sum of distance^-p over all pairs)^(1 / p) with p = `PHI_POWER`. It
-    approaches 1 / minimum distance as p grows (Morris and Mitchell 1995, J. Stat. Plan.
-    Inference 43:381).
+    The criterion is (sum of distance^-p over all pairs)^(1 / p) with p = `PHI_POWER`.
+    It approaches 1 / minimum distance as p grows (Morris and Mitchell 1995, J. Stat.
+    Plan. Inference 43:381).
     """
     from scipy.spatial.distance import pdist
 
@@ -71,8 +71,8 @@ def phi_p(points: np.ndarray) -> float:
 def lhsdesign(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
     """Draw `N_CANDIDATES` random Latin hypercubes (n, d), and return the best one.
 
-    The best one has the largest minimum distance. The name is that of MATLAB's function,
-    which the paper uses.
+    The best one has the largest minimum distance. The name is that of MATLAB's
+    function, which the paper uses.
     """
     candidates = (random_lhs(n, d, rng) for _ in range(N_CANDIDATES))
     return max(candidates, key=minimum_distance)
@@ -81,10 +81,10 @@ def lhsdesign(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
 def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     """Make a Latin hypercube whose points are far apart.
 
-    Enhanced stochastic evolution on phi_p improves the `lhsdesign` of the same seed, for
-    rising powers (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268). This
-    takes up to a minute, and a study needs its design for every proposal, so the most
-    recent designs are cached.
+    Enhanced stochastic evolution on phi_p improves the `lhsdesign` of the same seed,
+    for rising powers (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268).
+    This takes up to a minute, and a study needs its design for every proposal, so the
+    most recent designs are cached.
 
     Parameters
     ----------

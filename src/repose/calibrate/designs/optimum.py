@@ -166,7 +166,8 @@ def _find_minima(
     """Find local minima of the sum of the squared deviations.
 
     A search begins at the centre of the cube, at the points half way to each corner,
-    and at the middle of each face. Forbidden starts are moved to the edge of the region.
+    and at the middle of each face. Forbidden starts are moved to the edge of the
+    region.
 
     Parameters
     ----------

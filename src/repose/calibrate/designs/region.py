@@ -9,8 +9,8 @@ import numpy as np
 # sequence.
 N_POINTS = 2**13
 SEED = 1
-# A search must stay this far inside a constraint, as a share of the largest excess, so
-# that its rounding cannot violate the constraint.
+# A search must stay this far inside a constraint, as a fraction of the largest excess,
+# so that its rounding cannot violate the constraint.
 CONSTRAINT_MARGIN = 1e-9
 # Number of times that the way from a forbidden point to an allowed one is halved.
 N_HALVINGS = 60
@@ -71,8 +71,8 @@ class Region:
         centroid = self.points.mean(axis=0)
         if self.is_allowed(centroid[None])[0]:
             return centroid
-        # On a logarithmic scale the region may not be convex, so even its centroid may be
-        # forbidden. Then use the allowed point that is nearest to it.
+        # On a logarithmic scale the region may not be convex, so even its centroid may
+        # be forbidden. Then use the allowed point that is nearest to it.
         return self.points[np.argmin(((self.points - centroid) ** 2).sum(axis=1))]
 
     def compute_slack(self, point: np.ndarray) -> np.ndarray:

@@ -170,7 +170,7 @@ class MIGA:
 
     def _cross(self, a: np.ndarray, b: np.ndarray, step: int) -> np.ndarray:
         """Cross parents a and b (islands, population, dimensions) arithmetically."""
-        return b + self._share[step] * (a - b)
+        return b + self._fraction[step] * (a - b)
 
     def _keep_best(self, children: np.ndarray, best: np.ndarray) -> None:
         """Replace the first child of each island by its best individual, in place.
@@ -194,8 +194,9 @@ class MIGA:
         )
         # The smallest rank wins. The shape is (generations, islands, 2 * population).
         self._winners = ranks.min(axis=0)
-        # A child is a weighted mean of its parents. This is the weight of the first one.
-        self._share = self.random.uniform(size=(generations, islands, population, 1))
+        # A child is a weighted mean of its parents. This is the weight of the first
+        # one.
+        self._fraction = self.random.uniform(size=(generations, islands, population, 1))
         genes = (generations, islands, population, dimensions)
         is_mutated = self.random.uniform(size=genes) < self.mutation_probability
         change = self.mutation_amplitude * self.random.normal(size=genes)

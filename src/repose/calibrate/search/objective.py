@@ -1,11 +1,12 @@
 """The objective that the search minimises, and the archive of the points that it keeps.
 
-The publication does not say how it treats points outside the ranges of the targets. Here
-the fitness of a point is F (Eq. 11) if all its responses lie in the ranges. Otherwise it
-is F + F_max + 10 V, where V is the distance of the responses from the ranges in the units
-of F, and F_max is the largest F inside the ranges. So every feasible point is better than
-every other point. As long as no point is feasible, the search moves towards the ranges.
-If the ranges cannot be reached, `constrained=False` minimises F alone.
+The publication does not say how it treats points outside the ranges of the targets.
+Here the fitness of a point is F (Eq. 11) if all its responses lie in the ranges.
+Otherwise it is F + F_max + 10 V, where V is the distance of the responses from the
+ranges in the units of F, and F_max is the largest F inside the ranges. So every
+feasible point is better than every other point. As long as no point is feasible, the
+search moves towards the ranges. If the ranges cannot be reached, `constrained=False`
+minimises F alone.
 """
 
 import math
@@ -24,10 +25,10 @@ ArrayFunction = Callable[[np.ndarray], np.ndarray]
 Deviation = Callable[[np.ndarray], np.ndarray]
 VIOLATION_PENALTY = 10.0
 PRIOR_WEIGHT = 0.01
-# Fitness of a point that violates a constraint between parameters. It is larger than the
-# fitness of any allowed point. It is multiplied by 1 plus the violation, so of two such
-# points the less violating one is better (Deb 2000, Comput. Methods Appl. Mech. Eng. 186,
-# 311).
+# Fitness of a point that violates a constraint between parameters. It is larger than
+# the fitness of any allowed point. It is multiplied by 1 plus the violation, so of two
+# such points the less violating one is better (Deb 2000, Comput. Methods Appl. Mech.
+# Eng. 186, 311).
 FORBIDDEN_FITNESS = 1e12
 # A point is dropped if a better point is near it. The better point may later be dropped
 # in favour of a third one, which may be far from the first. The archive therefore holds
@@ -130,7 +131,8 @@ class Preference:
     mean: np.ndarray  # (d,), in the search's coordinates [-1, 1]
     sd: np.ndarray  # (d,), likewise; infinite for a parameter without a prior
     # For each parameter with a prior on a scale that is not linear: its column, and the
-    # function of its deviation in standard deviations. Its mean is 0 and its sd infinite.
+    # function of its deviation in standard deviations. Its mean is 0 and its sd
+    # infinite.
     scaled: tuple[tuple[int, Deviation], ...] = ()
 
     @classmethod

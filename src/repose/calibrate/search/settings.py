@@ -7,7 +7,7 @@ from pydantic import Field
 from repose.common import method
 from repose.common.section import Contradictions, Section, Seed, Share
 
-LEAST_LOSS = "least_expected_loss"  # a value of `answer`
+MIN_LOSS = "least_expected_loss"  # a value of `answer`
 
 
 class MigaSettings(Section):

@@ -160,15 +160,15 @@ def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
     Returns
     -------
     numpy.ndarray of int
-        Row numbers of the chosen points. A point is chosen if it keeps the distance from
-        all points chosen before it.
+        Row numbers of the chosen points. A point is chosen if it keeps the distance
+        from all points chosen before it.
     """
     from scipy.spatial.distance import cdist
 
     rows: list[int] = []
     for k, point in enumerate(unit):
-        # A range of a parameter has the length 1 in the unit cube, so the factor 2 gives
-        # a distance in half ranges.
+        # A range of a parameter has the length 1 in the unit cube, so the factor 2
+        # gives a distance in half ranges.
         if not rows or 2 * cdist(unit[rows], point[None]).min() >= section.distance:
             rows.append(k)
         if len(rows) == section.solutions:

@@ -162,9 +162,9 @@ class Strategy(ABC, Generic[SectionType]):
         study : Study
             Its parameters, targets and settings are read, never its runs.
         data : pandas.DataFrame
-            All runs so far, a row for each: `sample`, parameters, responses; empty at the
-            start. A run failed if a response is NaN. An optional column `batch` has the
-            number of the proposal that the run comes from.
+            All runs so far, a row for each: `sample`, parameters, responses; empty at
+            the start. A run failed if a response is NaN. An optional column `batch` has
+            the number of the proposal that the run comes from.
 
         Returns
         -------

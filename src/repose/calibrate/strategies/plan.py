@@ -6,9 +6,9 @@ each of several budgets of runs the probability of success.
 The probabilities come from the table `success.csv`, which
 `research/answers/hidden_truths.py` writes. In simulated campaigns, the sequential
 strategy searched for hidden parameter sets of an emulated simulator, whose runs scatter
-by a few percent. The table has the share of these sets that were found. Logistic curves
-smooth the shares over the logarithms of budget and scatter. A study that differs from
-the campaigns gets no probability.
+by a few percent. The table has the fraction of these sets that were found. Logistic
+curves smooth the fractions over the logarithms of budget and scatter. A study that
+differs from the campaigns gets no probability.
 """
 
 from pathlib import Path
@@ -200,10 +200,10 @@ def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A row for each budget, with the number of runs in the column `pours`. The columns
-        `within_1_percent` and `within_2_percent` have the probabilities that the answer
-        of the strategy is this close to all targets. The columns that end in `_se` have
-        the standard errors of these probabilities.
+        A row for each budget, with the number of runs in the column `pours`. The
+        columns `within_1_percent` and `within_2_percent` have the probabilities that
+        the answer of the strategy is this close to all targets. The columns that end in
+        `_se` have the standard errors of these probabilities.
     """
     campaigns = pd.read_csv(SUCCESS_FILE)
     campaigns = campaigns[campaigns["responses"] == n_targets]
@@ -216,7 +216,7 @@ def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
         column = f"within_{tolerance:g}_percent"
         curve = SuccessCurve.fit(campaigns, column)
         table[column] = curve.probability(table["pours"], percent)
-        table[f"{column}_se"] = compute_share_error(table[column], budgets["truths"])
+        table[f"{column}_se"] = compute_fraction_error(table[column], budgets["truths"])
     return table
 
 
@@ -237,9 +237,9 @@ class SuccessCurve(NamedTuple):
         Parameters
         ----------
         table : pandas.DataFrame
-            `pours`, `noise_percent`, `truths`, and shares of the truths.
+            `pours`, `noise_percent`, `truths`, and fractions of the truths.
         share : str
-            Name of the column with the shares.
+            Name of the column with the fractions.
 
         Returns
         -------
@@ -281,8 +281,8 @@ class SuccessCurve(NamedTuple):
         return expit(self.level + self.by_pours * np.log(pours) + noise)
 
 
-def compute_share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
-    """Compute the standard error of a probability from the share of successful trials.
+def compute_fraction_error(share: pd.Series, trials: pd.Series) -> pd.Series:
+    """Compute the standard error of a probability from the fraction of successful trials.
 
     It is the standard deviation of the beta distribution that follows from these trials
     and a uniform prior. It is positive even if all or none of the trials succeeded.
@@ -330,13 +330,15 @@ def estimate_noise(
         is_good = is_ok & bench_runs[names].notna().all(axis=1)
         good = bench_runs[is_good]
         responses = good[names].to_numpy(float)
-        covariance, freedom = estimate_within_covariance(responses, good["sample"])
+        covariance, degrees_of_freedom = estimate_within_covariance(
+            responses, good["sample"]
+        )
         has_full_rank = np.linalg.matrix_rank(covariance) == len(columns)
-        if freedom <= len(columns) or not has_full_rank:
+        if degrees_of_freedom <= len(columns) or not has_full_rank:
             raise InputError(
                 source=source,
                 key="runs that determine the noise",
-                value=freedom,
+                value=degrees_of_freedom,
                 allowed=(
                     f"at least {len(columns) + 1} good runs beyond the first of a "
                     "sample, which are not all the same"

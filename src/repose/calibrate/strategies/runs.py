@@ -63,18 +63,19 @@ OPTIONAL_COLUMNS = ("status", TURN_COLUMN)
 # The largest size of a response; a larger one counts as infinite.
 MAX_RESPONSE = 1e100
 RESPONSE_WORDS = "a finite number, or for a failed run NaN"
-# Responses are linearly dependent if an eigenvalue of their correlation matrix is at most
-# this large. It would be 0 without rounding errors.
+# Responses are linearly dependent if an eigenvalue of their correlation matrix is at
+# most this large. It would be 0 without rounding errors.
 DEPENDENT_EIGENVALUE = 1e-12
 # Smallest component of a response in the eigenvector of a linear dependence. Smaller
 # components are rounding errors of responses that are not involved.
 MIN_COMPONENT = 1e-6
-# Largest error of a parameter, as a share of its range, from rounding by a spreadsheet.
-MAX_ROUNDING_SHARE = 1e-6
+# Largest error of a parameter, as a fraction of its range, from rounding by a
+# spreadsheet.
+MAX_ROUNDING_FRACTION = 1e-6
 # Names of samples with at most this many digits are kept as numbers.
 MAX_DIGITS = 9
 # Largest number of statuses of failed runs that a message lists.
-MOST_STATUSES = 5
+MAX_STATUSES = 5
 
 
 class MergedRows(NamedTuple):
@@ -237,8 +238,8 @@ def split_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A row for each run and bench test: `sample`, its responses, `apparatus`, `status`
-        and `reason`.
+        A row for each run and bench test: `sample`, its responses, `apparatus`,
+        `status` and `reason`.
     """
     tables = []
     for bench, columns in targets.benches.items():
@@ -362,8 +363,8 @@ def _find_failed_rows(cells: pd.DataFrame) -> set[int]:
 def strip_decimal_points(cells: Iterable[Any]) -> list[str]:
     """Convert numbers of samples or runs to text, without an added ".0".
 
-    Pandas and spreadsheets write whole numbers as 3.0 if some cells are empty. The ending
-    is removed only if all cells have it.
+    Pandas and spreadsheets write whole numbers as 3.0 if some cells are empty. The
+    ending is removed only if all cells have it.
     """
     texts = [str(cell).strip() for cell in cells]
     if all(map(WHOLE_NUMBER.fullmatch, texts)):
@@ -376,10 +377,10 @@ def checked_runs(
 ) -> pd.DataFrame:
     """Check a table of runs.
 
-    The columns ``sample``, ``run``, ``status`` and those of fixed parameters are optional.
-    So are the responses if every run failed, as decided by `judge_runs`. Rows with the
-    same parameters are replicates. Unless the table numbers the samples, they are numbered
-    in the order of their first run.
+    The columns ``sample``, ``run``, ``status`` and those of fixed parameters are
+    optional. So are the responses if every run failed, as decided by `judge_runs`. Rows
+    with the same parameters are replicates. Unless the table numbers the samples, they
+    are numbered in the order of their first run.
 
     Parameters
     ----------
@@ -393,7 +394,8 @@ def checked_runs(
     Returns
     -------
     pandas.DataFrame
-        ``sample``, ``status``, parameters and responses. The turns are in ``attrs[TURN_COLUMN]``.
+        ``sample``, ``status``, parameters and responses. The turns are in
+        ``attrs[TURN_COLUMN]``.
 
     Raises
     ------
@@ -428,7 +430,7 @@ def checked_runs(
     sets, faults_of_sets = convert_columns(cells, parameter_columns)
     outcomes = judge_runs(cells, responses)
     turns, faults_of_turns = convert_columns(cells, [TURN_NUMBERS])
-    _refuse_rows(source, [*faults_of_sets, *outcomes.faults, *faults_of_turns])
+    _reject_rows(source, [*faults_of_sets, *outcomes.faults, *faults_of_turns])
 
     table = pd.DataFrame({"status": outcomes.statuses, **sets, **outcomes.values})
     # A rounded parameter may lie slightly outside its range, so clip it.
@@ -436,7 +438,7 @@ def checked_runs(
     numbers = _number_samples(table[parameters], rows, study, source)
     table.insert(0, "sample", numbers)
     table.attrs[TURN_COLUMN] = np.nan_to_num(turns[TURN_COLUMN]).astype(int).tolist()
-    _refuse_repeated_rows(table, rows, source)
+    _reject_repeated_rows(table, rows, source)
     if enough:
         _require_enough_samples(table, space, source)
     return table
@@ -481,8 +483,8 @@ def judge_runs(
     """Decide which runs failed.
 
     A run is good if each response is a finite number and its status is good or missing.
-    Any other run failed: it stays in the table, but no model is fitted to it. This holds
-    for runs from a file, from `Study.tell` and from `Study.calibrate`.
+    Any other run failed: it stays in the table, but no model is fitted to it. This
+    holds for runs from a file, from `Study.tell` and from `Study.calibrate`.
 
     Parameters
     ----------
@@ -535,8 +537,8 @@ def make_cells(
 ) -> tuple[dict[str, Any], str]:
     """Convert the result of the user's function for one run to a row of a table.
 
-    The row has no faults that `judge_runs` would report. A mistake makes the run a failed
-    one, but raises no error, because a long calibration has to continue.
+    The row has no faults that `judge_runs` would report. A mistake makes the run a
+    failed one, but raises no error, because a long calibration has to continue.
 
     Parameters
     ----------
@@ -553,8 +555,8 @@ def make_cells(
     cells : dict
         The row by column; a response without a valid number is NaN.
     lacking : str
-        What the result lacks by mistake, such as ``a number for angle_deg``. It is empty
-        if there is no mistake, or if the function reported the failure itself.
+        What the result lacks by mistake, such as ``a number for angle_deg``. It is
+        empty if there is no mistake, or if the function reported the failure itself.
     """
     cells = {str(key): value for key, value in result.items()}
     new_names = match_column_names(cells, names)
@@ -616,7 +618,7 @@ def describe_failures(statuses: Iterable[str]) -> str:
         It begins with the most common status, and is empty if no run failed.
     """
     counts = Counter(status for status in statuses if status != OK)
-    texts = [f"{status:.30}: {n}" for status, n in counts.most_common(MOST_STATUSES)]
+    texts = [f"{status:.30}: {n}" for status, n in counts.most_common(MAX_STATUSES)]
     others = len(counts) - len(texts)
     more = f" and {others} others" if others else ""
     return f"status {', '.join(texts)}{more}" if texts else ""
@@ -706,7 +708,7 @@ def _require_enough_samples(
 def _describe_parameter_column(name: str, low: float, high: float) -> Column:
     """Declare the column of a parameter, with a tolerance for rounded numbers."""
     size = (high - low) or abs(high) or 1.0
-    slack = MAX_ROUNDING_SHARE * size
+    slack = MAX_ROUNDING_FRACTION * size
     if low == high:
         allowed = f"{low:g}, as it is fixed"
     else:
@@ -750,7 +752,7 @@ def _number_samples(
 
     sample_names = strip_decimal_points(row["sample"] for row in rows)
     repeats_points = strategy(study.settings.strategy).repeats_points
-    _refuse_mixed_samples(sample_names, set_numbers, repeats_points, source)
+    _reject_mixed_samples(sample_names, set_numbers, repeats_points, source)
 
     # Use the names themselves if they are numbers, and different names are different
     # numbers. Names such as 3 and 003 are not. Otherwise number the samples from 1.
@@ -761,7 +763,7 @@ def _number_samples(
     return pd.factorize(pd.Series(sample_names))[0] + 1
 
 
-def _refuse_mixed_samples(
+def _reject_mixed_samples(
     names: Sequence[str],
     set_numbers: Sequence[int],
     repeats_points: bool,
@@ -795,7 +797,8 @@ def _refuse_mixed_samples(
     for k, (name, set_number) in enumerate(zip(names, set_numbers, strict=True)):
         sample_row = first_of_sample.setdefault(name, k)
         set_row = first_of_set.setdefault(set_number, k)
-        # Compare this row with the first row of its sample and the first row of its set.
+        # Compare this row with the first row of its sample and the first row of its
+        # set.
         if set_numbers[sample_row] != set_number:
             expected = (
                 "one set of parameters for each sample; "
@@ -808,7 +811,7 @@ def _refuse_mixed_samples(
                 "the same parameters"
             )
             faults.append((k, "sample", name, expected))
-    _refuse_rows(source, faults)
+    _reject_rows(source, faults)
 
 
 def _name_row(source: object, row: int) -> str:
@@ -821,7 +824,7 @@ def _name_row(source: object, row: int) -> str:
     return f"row {row - n_recorded + 1}"
 
 
-def _refuse_rows(source: object, faults: Iterable[Fault]) -> None:
+def _reject_rows(source: object, faults: Iterable[Fault]) -> None:
     """Raise faults as `refuse` does, each with the row of its own file."""
     if not isinstance(source, MergedRows):
         refuse(source, faults)
@@ -848,7 +851,7 @@ def add_missing_columns(rows: Rows, study: Study) -> list[dict[str, Any]]:
     return [missing | dict(row) for row in rows]
 
 
-def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> None:
+def _reject_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> None:
     """Refuse a table that contains the same run twice.
 
     If the table has a column `run`, the sample and the run number identify a run. Two
@@ -872,8 +875,8 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
     """
     has_run_numbers = "run" in rows[0]
     keys: dict[int, tuple[Any, ...]]  # by index of the row
-    # Collect what identifies the run of each row. A failed run without a number cannot be
-    # identified, because it has no responses.
+    # Collect what identifies the run of each row. A failed run without a number cannot
+    # be identified, because it has no responses.
     if has_run_numbers:
         run_numbers = [str(row["run"]).strip() for row in rows]
         keys = dict(enumerate(zip(table["sample"], run_numbers, strict=True)))
@@ -902,4 +905,4 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
                 f"in {_name_row(source, first)}"
             )
             faults.append((k, "row", "there twice", allowed))
-    _refuse_rows(source, faults)
+    _reject_rows(source, faults)

@@ -127,8 +127,8 @@ class BayesianBP(TrainingSettings, Surrogate):
     ) -> Self:
         """Train a network from each start, and set this network to the best one.
 
-        With a `noise_covariance`, the networks are trained on combinations of the outputs
-        that have independent noise (A35).
+        With a `noise_covariance`, the networks are trained on combinations of the
+        outputs that have independent noise (A35).
 
         Parameters
         ----------
@@ -171,12 +171,13 @@ class BayesianBP(TrainingSettings, Surrogate):
         )
         t = scaled_outputs @ self._mixing
 
-        # Train from each start. The weight of a sample is its count times its precision.
+        # Train from each start. The weight of a sample is its count times its
+        # precision.
         outputs = t.shape[1]
         weight = count[:, None] * precision
         pure_error = compute_pure_error(
             noise_covariance,
-            freedom=noise.get("noise_freedom", 0.0),
+            degrees_of_freedom=noise.get("noise_freedom", 0.0),
             stretch=self._compute_stretch(),
             mixing=self._mixing,
         )
@@ -341,9 +342,9 @@ class BayesianBP(TrainingSettings, Surrogate):
     ) -> Any:
         """Predict responses, and their standard deviations if `return_std` is True.
 
-        The standard deviation is sqrt(1 / (2 beta) + g' H^-1 g), where g is the gradient
-        of the output with respect to the weights (M92). Without `noise`, the first term is
-        left out.
+        The standard deviation is sqrt(1 / (2 beta) + g' H^-1 g), where g is the
+        gradient of the output with respect to the weights (M92). Without `noise`, the
+        first term is left out.
 
         Parameters
         ----------
@@ -438,9 +439,9 @@ class BayesianBP(TrainingSettings, Surrogate):
     def to_dict(self) -> dict[str, Any]:
         """Collect all that `from_dict` needs in a dictionary that JSON can store.
 
-        These are the scalings, the weights, and the training data, from which `from_dict`
-        computes the errors of the weights. A network that was loaded without training
-        data is saved without them.
+        These are the scalings, the weights, and the training data, from which
+        `from_dict` computes the errors of the weights. A network that was loaded
+        without training data is saved without them.
         """
         content: dict[str, Any] = {
             "scaled_range": list(self.scaled_range),
@@ -517,8 +518,8 @@ class BayesianBP(TrainingSettings, Surrogate):
             raise ValueError(
                 f"{len(order)} samples of {len(self.training_['inputs'])} inputs"
             )
-        # Compute the derivatives of the weighted residuals as in the training, for which
-        # the outputs are combined.
+        # Compute the derivatives of the weighted residuals as in the training, for
+        # which the outputs are combined.
         X = self.training_["inputs"][order]
         weight = self.training_["weight"][order]
         n_outputs = len(self.b2_)
@@ -635,8 +636,9 @@ def compute_output_roots(
 ) -> np.ndarray:
     """Compute roots of the covariance of the scaled outputs of networks.
 
-    An error dw of the weights changes the outputs by J dw, where J = dy/dw. If R is a root
-    of the covariance of the weights, J R is a root of the covariance of the outputs.
+    An error dw of the weights changes the outputs by J dw, where J = dy/dw. If R is a
+    root of the covariance of the weights, J R is a root of the covariance of the
+    outputs.
 
     Parameters
     ----------

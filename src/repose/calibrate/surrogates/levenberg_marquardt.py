@@ -216,14 +216,14 @@ def train_start(
         The statistics of the end, named as in `STATISTIC_NAMES`; the weights `w` (N,);
         their J'J as `JJ` (N, N); and `alpha_of_weight` (N,), the alpha of each weight.
     """
-    sum_of_squares, freedom = pure_error
+    sum_of_squares, degrees_of_freedom = pure_error
     classes = _list_weight_classes(w, x, t, settings)
     data = _Data(
         x=x,
         t=t,
         root_weight=root_weight,
         n_means=n,
-        n=n + freedom,
+        n=n + degrees_of_freedom,
         pure_error=sum_of_squares,
         classes=classes,
         size=_count_class_sizes(w, classes),
@@ -337,8 +337,8 @@ def _count_class_sizes(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
 def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
     """Train a network until one of the stopping criteria is met.
 
-    With several classes of weights, the result is the minimum of F for the alpha and beta
-    with the largest evidence.
+    With several classes of weights, the result is the minimum of F for the alpha and
+    beta with the largest evidence.
 
     Parameters
     ----------
@@ -408,8 +408,8 @@ def _choose_better(
 ) -> _Best | None:
     """Return the state with the larger evidence: the best so far, or a new one.
 
-    A new state is considered only near the minimum of F, where its evidence is valid. The
-    result is None until there is such a state.
+    A new state is considered only near the minimum of F, where its evidence is valid.
+    The result is None until there is such a state.
     """
     if not state.decrement() < NEAR_MINIMUM:
         return best

@@ -299,8 +299,8 @@ class SparseProcess:
     def predict_left_out(self) -> tuple[np.ndarray, np.ndarray]:
         """Predict each value from all the others, as `Process.predict_left_out`.
 
-        K is the sum of what the centres explain and of the noise, so the matrix inversion
-        lemma gives K^-1.
+        K is the sum of what the centres explain and of the noise, so the matrix
+        inversion lemma gives K^-1.
         """
         solved = self._solve(self._root, self._scaled)
         precision = (1 - (solved**2).sum(axis=0)) / self._noise

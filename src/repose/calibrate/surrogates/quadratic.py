@@ -80,11 +80,12 @@ class QuadraticSurface(Surrogate):
         self.width_ = compute_widths(X.min(axis=0), X.max(axis=0))
         self.varies_ = X.max(axis=0) > self.low_  # which parameters are not constant
 
-        # The noise is estimated from residuals, so there must be more samples than terms.
+        # The noise is estimated from residuals, so there must be more samples than
+        # terms.
         terms = self._compute_terms(X)
         n_samples, n_terms = terms.shape
-        freedom = n_samples - n_terms
-        if freedom < 1:
+        degrees_of_freedom = n_samples - n_terms
+        if degrees_of_freedom < 1:
             raise ValueError(
                 f"{n_samples} samples; "
                 f"expected at least {n_terms + 1}, one more than the terms"
@@ -96,8 +97,8 @@ class QuadraticSurface(Surrogate):
         self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
         residuals = np.hstack([fit.residuals for fit in fits])
         self._roots = [fit.root for fit in fits] * (n_outputs // len(fits))
-        self.residual_covariance_ = residuals.T @ residuals / freedom
-        self._variances = (residuals**2).sum(axis=0) / freedom
+        self.residual_covariance_ = residuals.T @ residuals / degrees_of_freedom
+        self._variances = (residuals**2).sum(axis=0) / degrees_of_freedom
         return self
 
     def predict(

@@ -25,7 +25,7 @@ class Scatter(NamedTuple):
     """Scatter of replicates about the means of their samples."""
 
     sum_of_squares: float
-    freedom: float  # degrees of freedom
+    degrees_of_freedom: float  # degrees of freedom
 
 
 NO_SCATTER = Scatter(0.0, 0.0)
@@ -38,9 +38,9 @@ def find_independent_mixing(
 
     The outputs of one experiment share part of their noise. If this were ignored, the
     shared part would look like a signal. Let C be the noise covariance of the scaled
-    outputs y, and L its Cholesky root, so L L' = C. Then the combinations y inv(L)' have
-    independent noise. Their coefficients are scaled to a determinant of 1, so that the
-    combinations have a similar range as the outputs.
+    outputs y, and L its Cholesky root, so L L' = C. Then the combinations y inv(L)'
+    have independent noise. Their coefficients are scaled to a determinant of 1, so that
+    the combinations have a similar range as the outputs.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class CombinedOutputs:
 
 def compute_pure_error(
     noise_covariance: ArrayLike | None,
-    freedom: float,
+    degrees_of_freedom: float,
     stretch: np.ndarray,
     mixing: np.ndarray,
 ) -> Scatter:
@@ -132,7 +132,7 @@ def compute_pure_error(
     ----------
     noise_covariance : array (outputs, outputs) or None
         Covariance of one value of precision 1, in the units of the responses.
-    freedom : float
+    degrees_of_freedom : float
         Degrees of freedom from which replicates estimated the covariance. With 0 the
         covariance is known only up to a factor, and there is no scatter.
     stretch, mixing : array
@@ -143,17 +143,17 @@ def compute_pure_error(
     ValueError
         For a negative number of degrees of freedom, or one without a covariance.
     """
-    if freedom == 0:
+    if degrees_of_freedom == 0:
         return NO_SCATTER
-    if noise_covariance is None or not freedom > 0:
+    if noise_covariance is None or not degrees_of_freedom > 0:
         raise ValueError(
-            f"noise_freedom is {freedom!r}; "
+            f"noise_freedom is {degrees_of_freedom!r}; "
             "expected 0 or more, and 0 without noise_covariance"
         )
     scaled = np.asarray(noise_covariance, dtype=float) / np.outer(stretch, stretch)
     return Scatter(
-        sum_of_squares=float(freedom * np.trace(mixing.T @ scaled @ mixing)),
-        freedom=float(freedom * len(mixing)),
+        sum_of_squares=float(degrees_of_freedom * np.trace(mixing.T @ scaled @ mixing)),
+        degrees_of_freedom=float(degrees_of_freedom * len(mixing)),
     )
 
 
@@ -168,9 +168,9 @@ def check_samples(
 ) -> Samples:
     """Check the samples of a fit, and convert them to arrays of standard shape.
 
-    Samples of weight 0 are dropped. The arguments are those of `Surrogate.fit`, of which
-    `noise_covariance` and `noise_freedom` are ignored here. `find_independent_mixing` and
-    `compute_pure_error` check them.
+    Samples of weight 0 are dropped. The arguments are those of `Surrogate.fit`, of
+    which `noise_covariance` and `noise_freedom` are ignored here.
+    `find_independent_mixing` and `compute_pure_error` check them.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ PUBLISHED: dict[str, Any] = {
     "validation_noise": False,
 }
 SHARES = "three shares (training, validation, test) that sum to 1"
-MAX_ROUNDING = 1e-6  # largest rounding error of the sum of the shares
+MAX_ROUNDING = 1e-6  # largest rounding error of the sum of the fractions
 Shares = Annotated[tuple[Share, Share, Share], Field(strict=False), Allowed(SHARES)]
 
 
@@ -109,7 +109,7 @@ class NetworkSettings(Section):
 
     @field_validator("split")
     @classmethod
-    def _check_shares(cls, shares: Any) -> Any:
+    def _check_fractions(cls, shares: Any) -> Any:
         """Refuse shares that do not sum to 1, or without training or test samples."""
         if shares == AUTO:
             return shares

@@ -19,8 +19,8 @@ from repose.calibrate.scales import to_coordinates
 from repose.common.errors import InputError
 from repose.common.files import StrPath, read_table
 
-# A parameter is at a bound if its distance is at most this share of its range.
-BOUND_SHARE = 0.01
+# A parameter is at a bound if its distance is at most this fraction of its range.
+BOUND_FRACTION = 0.01
 DISTANCE_QUANTILE = 0.95
 MIN_SAMPLES = 2
 
@@ -39,7 +39,7 @@ class Support:
         Names of the d parameters.
     scale : mapping, optional
         Name of the scale of each parameter that is not linear, by name. Distances are
-        shares of the range along the scale.
+        fractions of the range along the scale.
 
     Attributes
     ----------
@@ -126,8 +126,8 @@ class Support:
         """
         unit = self._scale_to_ranges(points)
         is_at_bound = np.zeros((len(unit), len(self.names)), dtype=bool)
-        is_at_bound[:, self._is_free] = (unit <= BOUND_SHARE) | (
-            unit >= 1 - BOUND_SHARE
+        is_at_bound[:, self._is_free] = (unit <= BOUND_FRACTION) | (
+            unit >= 1 - BOUND_FRACTION
         )
         return is_at_bound
 
@@ -148,8 +148,8 @@ class Support:
         # The ends of each scaled range are 0 and 1.
         is_beyond = np.zeros(len(unit), dtype=bool)
         for end in (0.0, 1.0):
-            has_samples = (np.abs(samples - end) <= BOUND_SHARE).any(axis=0)
-            is_at_end = np.abs(unit - end) <= BOUND_SHARE
+            has_samples = (np.abs(samples - end) <= BOUND_FRACTION).any(axis=0)
+            is_at_end = np.abs(unit - end) <= BOUND_FRACTION
             is_beyond |= (is_at_end & ~has_samples).any(axis=1)
         return is_beyond
 

@@ -98,9 +98,9 @@ def make_response_function(
     arrays = _convert_arrays(network)
     bottom, top = arrays["scaled_range"]
 
-    # A point stands for the parameter set X = (low + high) / 2 + point (high - low) / 2,
-    # which is scaled to x = bottom + (X - input_min) per_unit. Thus x is linear in the
-    # point. Put the slope into W1 and the constant into b1.
+    # A point stands for the parameter set X = (low + high) / 2 + point (high - low) /
+    # 2, which is scaled to x = bottom + (X - input_min) per_unit. Thus x is linear in
+    # the point. Put the slope into W1 and the constant into b1.
     per_unit = (top - bottom) / compute_widths(arrays["input_min"], arrays["input_max"])
     centre = bottom + ((low + high) / 2 - arrays["input_min"]) * per_unit
     W1 = np.ascontiguousarray((arrays["W1"] * per_unit * (high - low) / 2).T)
@@ -209,9 +209,9 @@ def list_weight_classes(
 ) -> list[Any]:
     """List the classes of weights that share an alpha (M92, M94).
 
-    The prior "one" has a single class. The prior "layers" has three: input weights, hidden
-    biases, and output weights with their biases. The prior "inputs" divides the input
-    weights further, into one class for each input.
+    The prior "one" has a single class. The prior "layers" has three: input weights,
+    hidden biases, and output weights with their biases. The prior "inputs" divides the
+    input weights further, into one class for each input.
 
     Parameters
     ----------

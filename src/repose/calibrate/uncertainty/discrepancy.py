@@ -8,7 +8,7 @@ unknown features: surface, tension, filling and definition of the angle. With th
 parameters, their piles differ. The discrepancy is the spread of these piles, weighted
 by how well each model describes the published piles (`estimate_from_shape_study`).
 
-Otherwise, the discrepancy is stated as a share of the value of each response
+Otherwise, the discrepancy is stated as a fraction of the value of each response
 (`compute_stated_covariance`). Within a bench test the discrepancies are correlated,
 because one wrong shape or filling changes all numbers of a pile at once. The signs of
 the correlations are those with which the responses vary together over the design: a
@@ -30,10 +30,11 @@ from repose.common.tables import Column, refuse
 
 MIN_MODELS = 5
 DIFFERENCE_WORDS = f"a finite number, at most {MAX_SIZE:g} in size"
-# Limits of an eligible model. Beyond this distance, in standard deviations, its weight is
-# practically 0. A difference or an error must not exceed this share of the target.
+# Limits of an eligible model. Beyond this distance, in standard deviations, its weight
+# is practically 0. A difference or an error must not exceed this fraction of the
+# target.
 MAX_DISTANCE = 30.0
-MAX_SHARE = 3.0
+MAX_FRACTION = 3.0
 MODEL_COLUMNS = ("particle", "tension", "filling")
 
 
@@ -102,7 +103,7 @@ def estimate_from_shape_study(
     columns = [name_derived_column(name, "difference") for name in targets.names]
     table = _read_combinations(combinations_csv, targets, columns)
     plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
-    _refuse_large_values(combinations_csv, targets, columns, plausible)
+    _reject_large_values(combinations_csv, targets, columns, plausible)
 
     # Weight each row by its distance, and each model by the sum over its rows.
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
@@ -197,7 +198,7 @@ def _read_combinations(
     )
 
 
-def _refuse_large_values(
+def _reject_large_values(
     path: StrPath, targets: Targets, columns: Sequence[str], plausible: pd.DataFrame
 ) -> None:
     """Refuse eligible models whose values are implausibly large.
@@ -223,7 +224,7 @@ def _refuse_large_values(
     limits = {"distance": MAX_DISTANCE}
     for names in (columns, targets.errors):
         for name, target in zip(names, targets, strict=True):
-            limits[name] = MAX_SHARE * abs(target.whole_value)
+            limits[name] = MAX_FRACTION * abs(target.whole_value)
     faults = []
     for row, values in plausible[list(limits)].iterrows():
         for name, limit in limits.items():

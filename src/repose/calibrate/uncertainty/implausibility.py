@@ -24,7 +24,7 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty.likelihood import Observation, compute_log_likelihood
-from repose.calibrate.uncertainty.sampler import N_BINS, compute_bits_of_shares
+from repose.calibrate.uncertainty.sampler import N_BINS, compute_bits_of_fractions
 
 CREDIBLE_PROBABILITY = 0.95
 # Probability on each side of a credible interval.
@@ -86,9 +86,10 @@ class PriorPoints:
 class Region(NamedTuple):
     """The part of the prior that is not implausible."""
 
-    share: float  # share of the prior
+    share: float  # fraction of the prior
     # A row for each cell of each pair of parameters, with the columns `REGION_COLUMNS`:
-    # middle of the cell, least implausibility in it, and share of its points in the region
+    # middle of the cell, least implausibility in it, and fraction of its points in the
+    # region
     projections: pd.DataFrame
 
 
@@ -235,11 +236,11 @@ def _describe_parameter(
     if space.constraints:
         binned = (rankdata(quantile) - 0.5) / len(quantile)
     bin_number = np.minimum((binned * N_BINS).astype(int), N_BINS - 1)
-    bin_shares = np.bincount(bin_number, weight, N_BINS)
+    bin_fractions = np.bincount(bin_number, weight, N_BINS)
     return {
         f"{name}_low": low,
         f"{name}_high": high,
-        f"{name}_bits": compute_bits_of_shares(bin_shares, effective),
+        f"{name}_bits": compute_bits_of_fractions(bin_fractions, effective),
     }
 
 

@@ -103,8 +103,8 @@ def estimate_within_correlation(
     matrix = np.eye(len(targets))
     pairs: PairCorrelations = {}
     for rows in targets.benches.values():
-        # Use the same runs for all pairs of a bench test. This makes the matrix positive
-        # semidefinite.
+        # Use the same runs for all pairs of a bench test. This makes the matrix
+        # positive semidefinite.
         complete = select_good_runs(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
             first = targets.names[i]
@@ -118,7 +118,7 @@ def estimate_within_correlation(
                 "value": correlation.value,
                 "low": correlation.low,
                 "high": correlation.high,
-                "degrees_of_freedom": correlation.freedom,
+                "degrees_of_freedom": correlation.degrees_of_freedom,
             }
     return WithinCorrelation(matrix, pairs)
 
@@ -198,8 +198,8 @@ def _compute_seed_columns(
     Returns
     -------
     dict
-        The columns (n,) by name: the standard error of a mean over seeds, in the unit of
-        the response and in percent of the target, and the R2 with its interval.
+        The columns (n,) by name: the standard error of a mean over seeds, in the unit
+        of the response and in percent of the target, and the R2 with its interval.
     """
     error = components.standard_error(seeds)
     quantity = target.response.quantity

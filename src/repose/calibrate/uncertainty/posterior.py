@@ -48,7 +48,7 @@ CREDIBLE_PROBABILITY = 0.95
 TAIL_PROBABILITY = (1 - CREDIBLE_PROBABILITY) / 2
 # A correlation needs one run beyond the first of a sample for each response of the
 # bench test, and this many more.
-SPARE_FREEDOM = 2
+SPARE_DEGREES_OF_FREEDOM = 2
 MAX_KEPT_DRAWS = 4000
 # Convergence: Vehtari et al. 2021, Bayesian Analysis 16, 667.
 MAX_R_HAT = 1.01
@@ -57,11 +57,11 @@ MIN_EFFECTIVE_DRAWS = 400
 # the range has 1 bit.
 DETERMINED_BITS = 1.0
 UNDETERMINED_BITS = 0.2
-# If an interval is wider than this share of the prior's interval, the parameter is not
-# determined, even if its information is large.
+# If an interval is wider than this fraction of the prior's interval, the parameter is
+# not determined, even if its information is large.
 WIDE_RATIO = 0.75
-MAX_THIN_SHARE = (
-    0.5  # share of the draws where samples are thin, above which a warning is due
+MAX_THIN_FRACTION = (
+    0.5  # fraction of the draws where samples are thin, above which a warning is due
 )
 STATED = "stated"
 SHAPE_STUDY = "shape study"
@@ -137,8 +137,8 @@ def make_measurement(
     settings : PosteriorSettings
         The section `posterior`.
     shape_study : array (k, k), optional
-        Covariance of the discrepancies from a shape study. Without it, the discrepancy is
-        that of the settings.
+        Covariance of the discrepancies from a shape study. Without it, the discrepancy
+        is that of the settings.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def _find_measured_correlation(
     # The word "simulated" in place of a number asks for the estimate.
     if isinstance(stated_correlation, str):
         simulated = noise.estimate_within_correlation(runs, targets)
-        _check_freedom(targets, simulated.pairs)
+        _check_degrees_of_freedom(targets, simulated.pairs)
         return simulated
     pairs: noise.PairCorrelations = {}
     # The estimates for pairs of responses are only reported here. If there are too few
@@ -207,19 +207,19 @@ def _find_measured_correlation(
     return noise.WithinCorrelation(targets.correlated(stated_correlation), pairs)
 
 
-def _check_freedom(targets: Targets, pairs: noise.PairCorrelations) -> None:
+def _check_degrees_of_freedom(targets: Targets, pairs: noise.PairCorrelations) -> None:
     """Raise ValueError for a bench test with too few runs for a correlation.
 
     The matrix would be singular, or nearly so.
     """
     for bench_test, rows in targets.benches.items():
-        least = len(rows) + SPARE_FREEDOM
+        least = len(rows) + SPARE_DEGREES_OF_FREEDOM
         names = [targets.names[k] for k in rows]
         for first, second in combinations(names, 2):
-            freedom = pairs[f"{first}, {second}"]["degrees_of_freedom"]
-            if freedom < least:
+            degrees_of_freedom = pairs[f"{first}, {second}"]["degrees_of_freedom"]
+            if degrees_of_freedom < least:
                 raise ValueError(
-                    f"{freedom} degrees of freedom within samples of {bench_test}; "
+                    f"{degrees_of_freedom} degrees of freedom within samples of {bench_test}; "
                     f"expected at least {least}"
                 )
 
@@ -364,7 +364,7 @@ def _collect_statements(space: ParameterSpace, table: pd.DataFrame) -> dict[str,
     return statements
 
 
-def refuse_all_fixed(space: ParameterSpace) -> None:
+def reject_all_fixed(space: ParameterSpace) -> None:
     """Raise InputError for parameters that are all fixed."""
     if space.dimensions == 0:
         raise InputError(
@@ -417,9 +417,9 @@ def infer_from_files(
     InputError
         If no parameter is free, if a file is invalid, or if there are too few runs.
     """
-    refuse_all_fixed(parameters)
+    reject_all_fixed(parameters)
     model = train.restore_surrogate(files.network, files.predictions, files.dataset)
-    train.refuse_other_targets(model, files.network, targets, definitions, source)
+    train.reject_other_targets(model, files.network, targets, definitions, source)
     support = Support.from_dataset(files.dataset, parameters)
     references = _read_references(files, parameters)
     runs = noise.read_runs(files.runs, targets)
@@ -602,7 +602,7 @@ def describe_posterior(summary: Mapping[str, Any]) -> str:
         f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
     )
     lines += summary.get("over_the_discrepancy", "").splitlines()
-    if summary["thin_share"] > MAX_THIN_SHARE:
+    if summary["thin_share"] > MAX_THIN_FRACTION:
         lines.append(
             "EXTRAPOLATED: most draws lie beyond the samples, "
             "where the surrogate is only a guess"

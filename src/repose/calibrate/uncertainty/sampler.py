@@ -17,14 +17,14 @@ from repose.calibrate.designs.allowed import take_allowed_points
 from repose.calibrate.parameter_space import ParameterSpace
 
 N_ENSEMBLES = 4
-BURN_IN_SHARE = 0.5  # share of the steps that is dropped
+BURN_IN_FRACTION = 0.5  # fraction of the steps that is dropped
 N_BINS = 40
 N_PRIOR_DRAWS = 2**15
 CHUNK_SIZE = 2048  # points at which the likelihood is computed together
 # Settings of `_draw_starts`.
 N_POPULATION = 2048  # number of points
 N_MOVES = 8  # number of steps at each power of the density
-MIN_EFFECTIVE_SHARE = 0.5  # effective share of the points after the power rises
+MIN_EFFECTIVE_FRACTION = 0.5  # effective fraction of the points after the power rises
 
 Density = Callable[[np.ndarray], np.ndarray]
 
@@ -77,7 +77,7 @@ def draw_chains(
     import emcee
 
     density_in_cube = partial(_compute_density_in_cube, log_density=log_density)
-    burn_in = int(BURN_IN_SHARE * steps)
+    burn_in = int(BURN_IN_FRACTION * steps)
     draws_of_ensembles = []
     times_of_ensembles = []
     for k in range(N_ENSEMBLES):
@@ -140,9 +140,9 @@ def _draw_starts(
 
     The points are drawn from a sequence of powers of the density (Del Moral et al.
     2006, J. R. Stat. Soc. B 68, 411). It begins with the power 0, which is a uniform
-    density, and ends with the power 1, the density itself. Each power is chosen as large
-    as possible, so that the effective share of the points is at least
-    `MIN_EFFECTIVE_SHARE`. Then the points are resampled by their weights, and moved.
+    density, and ends with the power 1, the density itself. Each power is chosen as
+    large as possible, so that the effective fraction of the points is at least
+    `MIN_EFFECTIVE_FRACTION`. Then the points are resampled by their weights, and moved.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _compute_weights(log_densities: np.ndarray, rise: float) -> np.ndarray:
 def _find_power_rise(log_densities: np.ndarray, most: float) -> float:
     """Find by how much the power of the density can rise.
 
-    The effective share of the points must stay at least `MIN_EFFECTIVE_SHARE`.
+    The effective fraction of the points must stay at least `MIN_EFFECTIVE_FRACTION`.
 
     Parameters
     ----------
@@ -214,10 +214,10 @@ def _find_power_rise(log_densities: np.ndarray, most: float) -> float:
     """
 
     def compute_excess(rise: float) -> float:
-        """Compute the effective share of the points minus the smallest accepted one."""
+        """Compute the effective fraction of the points minus the smallest accepted one."""
         weight = _compute_weights(log_densities, rise)
-        effective_share = weight.sum() ** 2 / (weight**2).sum() / N_POPULATION
-        return effective_share - MIN_EFFECTIVE_SHARE
+        effective_fraction = weight.sum() ** 2 / (weight**2).sum() / N_POPULATION
+        return effective_fraction - MIN_EFFECTIVE_FRACTION
 
     if compute_excess(most) >= 0.0:
         return most
@@ -255,11 +255,11 @@ def compute_information_bits(draws: np.ndarray, effective: float) -> float:
         Number m of independent draws that would be as informative.
     """
     counts, _ = np.histogram(draws, bins=N_BINS, range=(0, 1))
-    return compute_bits_of_shares(counts / len(draws), effective)
+    return compute_bits_of_fractions(counts / len(draws), effective)
 
 
-def compute_bits_of_shares(share: np.ndarray, effective: float) -> float:
-    """Compute the information in bits from the share of the draws in each of the bins.
+def compute_bits_of_fractions(share: np.ndarray, effective: float) -> float:
+    """Compute the information in bits from the fraction of the draws in each of the bins.
 
     See `compute_information_bits`, of which this is the second half.
     """

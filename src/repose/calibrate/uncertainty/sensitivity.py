@@ -7,10 +7,10 @@ their ranges, along their scales. Priors are ignored.
 
 Constraints make the parameters depend on each other, so the variance cannot be divided
 in this way. With constraints, the parameters are uniform over the allowed part of the
-ranges, and two shares of the variance take the place of the indices. `explained`,
+ranges, and two fractions of the variance take the place of the indices. `explained`,
 Var(E[y | x]) / Var(y), is what one parameter x alone explains. `remaining`, E[Var(y |
 others)] / Var(y), is what remains once all other parameters are known. Without
-constraints, the two shares are the first-order and the total index. The source is
+constraints, the two fractions are the first-order and the total index. The source is
 Kucherenko, Klymenko and Shah, Sobol' indices for problems defined in non-rectangular
 domains, Reliability Engineering and System Safety 167 (2017) 218-231.
 
@@ -31,8 +31,8 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Definitions
 from repose.calibrate.surrogates import Surrogate, load
 from repose.calibrate.targets import Targets
-from repose.calibrate.training import refuse_other_targets
-from repose.calibrate.uncertainty.posterior import refuse_all_fixed
+from repose.calibrate.training import reject_other_targets
+from repose.calibrate.uncertainty.posterior import reject_all_fixed
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common.errors import InputError
 from repose.common.files import StrPath, write_table
@@ -44,7 +44,9 @@ CONFIDENCE = 0.95
 TAIL_PROBABILITY = (1 - CONFIDENCE) / 2
 N_EFFECT_POINTS = 41
 N_EFFECT_DRAWS = 2048
-ROUNDING_SHARE = 1e-12  # a constant output varies by no more than this share of it
+ROUNDING_FRACTION = (
+    1e-12  # a constant output varies by no more than this fraction of it
+)
 # Values of a parameter at which each draw of the others is evaluated, with constraints.
 N_LINE_POINTS = 32
 # A mean at a value of a parameter needs at least this many of the `N_EFFECT_DRAWS`.
@@ -131,7 +133,7 @@ def compute_sobol_indices(
     return _add_intervals(("first", "total"), estimates, np.array(replicates))
 
 
-def compute_allowed_shares(
+def compute_allowed_fractions(
     function: ArrayFunction,
     low: np.ndarray,
     high: np.ndarray,
@@ -141,13 +143,13 @@ def compute_allowed_shares(
     resamples: int,
     seed: int,
 ) -> dict[str, np.ndarray]:
-    """Compute shares of the variance over the allowed part of the ranges.
+    """Compute fractions of the variance over the allowed part of the ranges.
 
-    For each parameter x, draws of the other parameters are combined with `N_LINE_POINTS`
-    values of x, so the points of a draw form a line. The points that are allowed are
-    uniformly distributed over the allowed part of the ranges. The means of their
-    outputs at each value of x give Var(E[y | x]), and the variances along each line
-    give E[Var(y | others)].
+    For each parameter x, draws of the other parameters are combined with
+    `N_LINE_POINTS` values of x, so the points of a draw form a line. The points that
+    are allowed are uniformly distributed over the allowed part of the ranges. The means
+    of their outputs at each value of x give Var(E[y | x]), and the variances along each
+    line give E[Var(y | others)].
 
     Parameters
     ----------
@@ -179,7 +181,7 @@ def compute_allowed_shares(
         _require_variation(outputs[:, is_evaluated])
         blocks = []
         for counts in _draw_counts(samples, resamples, seed):
-            blocks.append([_compute_shares(output, counts) for output in outputs])
+            blocks.append([_compute_fractions(output, counts) for output in outputs])
         shares.append(np.concatenate(blocks, axis=2))
     # The first row of `_draw_counts` gives the estimates, the others the resamples.
     estimates, *replicates = np.transpose(shares, (3, 2, 1, 0))  # each (2, outputs, d)
@@ -244,8 +246,8 @@ def _evaluate_along_lines(
     return outputs.reshape(n_outputs, len(values), len(draws))
 
 
-def _compute_shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Compute the shares of the variance of one output for `compute_allowed_shares`.
+def _compute_fractions(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Compute the fractions of the variance of one output for `compute_allowed_fractions`.
 
     Parameters
     ----------
@@ -258,7 +260,7 @@ def _compute_shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
     Returns
     -------
     array (2, resamples)
-        The explained share Var(E[y | x]) / Var(y), and the remaining share
+        The explained fraction Var(E[y | x]) / Var(y), and the remaining fraction
         E[Var(y | others)] / Var(y).
     """
     is_allowed = ~np.isnan(output)
@@ -287,7 +289,9 @@ def _compute_shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 def _require_variation(outputs: np.ndarray) -> None:
     """Refuse outputs (outputs, n) if one of them is constant."""
-    if not (outputs.std(axis=1) > ROUNDING_SHARE * np.abs(outputs).max(axis=1)).all():
+    if not (
+        outputs.std(axis=1) > ROUNDING_FRACTION * np.abs(outputs).max(axis=1)
+    ).all():
         raise ValueError(
             "an output of the function does not vary; expected outputs that do"
         )
@@ -401,7 +405,7 @@ def analyse_surrogate(
 ) -> Sensitivity:
     """Compute Sobol indices and mean responses of a surrogate.
 
-    With constraints, shares of the variance replace the indices.
+    With constraints, fractions of the variance replace the indices.
 
     Parameters
     ----------
@@ -430,7 +434,7 @@ def analyse_surrogate(
         return model.predict(parameters.complete(values))
 
     # Make a row for each response and parameter.
-    shares = compute_variance_shares(respond, parameters, settings)
+    shares = compute_variance_fractions(respond, parameters, settings)
     pairs = pd.MultiIndex.from_product(
         [targets.names, parameters.free], names=["response", "parameter"]
     )
@@ -451,16 +455,16 @@ def analyse_surrogate(
     return Sensitivity(indices, effects.dropna(ignore_index=True))
 
 
-def compute_variance_shares(
+def compute_variance_fractions(
     respond: ArrayFunction, parameters: ParameterSpace, settings: SensitivitySettings
 ) -> dict[str, np.ndarray]:
-    """Compute Sobol indices, or with constraints the shares that replace them.
+    """Compute Sobol indices, or with constraints the fractions that replace them.
 
-    The result is that of `compute_sobol_indices` or of `compute_allowed_shares`.
+    The result is that of `compute_sobol_indices` or of `compute_allowed_fractions`.
     """
     low, high = parameters.coordinate_ends
     if parameters.constraints:
-        return compute_allowed_shares(
+        return compute_allowed_fractions(
             respond,
             low,
             high,
@@ -518,9 +522,9 @@ def analyse_from_file(
     InputError
         If no parameter is free, or if the surrogate has other or constant responses.
     """
-    refuse_all_fixed(parameters)
+    reject_all_fixed(parameters)
     model = load(surrogate_json)
-    refuse_other_targets(model, surrogate_json, targets, definitions, source)
+    reject_other_targets(model, surrogate_json, targets, definitions, source)
     try:
         result = analyse_surrogate(model, parameters, targets, settings)
     except ValueError as error:
@@ -536,13 +540,13 @@ def analyse_from_file(
 
 
 def describe_indices(table: pd.DataFrame) -> str:
-    """Describe the two shares of the variance in text, with a line for each response.
+    """Describe the two fractions of the variance in text, with a line for each response.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        The content of sobol.csv. The shares are the Sobol indices, or with constraints
-        the explained and the remaining share.
+        The content of sobol.csv. The fractions are the Sobol indices, or with
+        constraints the explained and the remaining fraction.
 
     Returns
     -------
@@ -555,7 +559,7 @@ def describe_indices(table: pd.DataFrame) -> str:
         meaning = "explained by it alone (remaining if all others are known)"
     lines = []
     for response, rows in table.groupby("response", sort=False):
-        # Begin with the parameter of the largest second share.
+        # Begin with the parameter of the largest second fraction.
         sorted_rows = rows.sort_values(columns[1], ascending=False)
         shares = sorted_rows[["parameter", *columns]].itertuples(index=False)
         parameters = ", ".join(

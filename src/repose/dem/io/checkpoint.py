@@ -166,7 +166,8 @@ def _restore_arrays(simulation: World, saved_arrays: Mapping[str, np.ndarray]) -
     Parameters
     ----------
     simulation : Simulation
-        A simulation with the same arguments as the saved one. Its arrays are overwritten.
+        A simulation with the same arguments as the saved one. Its arrays are
+        overwritten.
     saved_arrays : mapping
         The saved arrays by name.
 

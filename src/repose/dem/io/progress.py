@@ -36,8 +36,8 @@ def show_progress(
     time_step_s : float
         Time step [s].
     progress : callable, False or None
-        None shows a bar if stderr is a terminal; otherwise a line per minute. False shows
-        nothing. A function is called with the simulated time instead.
+        None shows a bar if stderr is a terminal; otherwise a line per minute. False
+        shows nothing. A function is called with the simulated time instead.
     label : str
         Label that is shown before the numbers.
 

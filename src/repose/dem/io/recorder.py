@@ -78,8 +78,8 @@ class Recorder:
         positions = np.full((n_frames, n_bodies, 3), np.nan, np.float32)
         quaternions = np.full((n_frames, n_bodies, 4), np.nan, np.float32)
         for k, frame in enumerate(self._frames):
-            # An early frame may have fewer bodies. The positions of the other bodies stay
-            # NaN.
+            # An early frame may have fewer bodies. The positions of the other bodies
+            # stay NaN.
             n_added = len(frame.positions)
             positions[k, :n_added] = frame.positions
             quaternions[k, :n_added] = frame.quaternions

@@ -48,8 +48,8 @@ def atomic_add(typingctx, array, index, value):
     """Add a value to an element of an int64 array; return the element's old value.
 
     The element is read, increased and written in one step that no other thread can
-    interrupt. For other types of arrays the result is None. This tells numba that there is
-    no such function.
+    interrupt. For other types of arrays the result is None. This tells numba that there
+    is no such function.
     """
     if not _is_int64_array(array):
         return None

@@ -8,9 +8,9 @@ The functions work on two tiles of 32 bodies, one body in each lane (see `rows`)
 `scratch` is the scratch tile of the time step (rows of `body_tile`), `motion` a tile of
 `Bodies.motion` (rows of `state`). They read the torques and the budgets of the rolling
 resistance in the rows LOAD of `scratch`. They write angular momentum and quaternion to
-`motion`. They write angular velocity, inverse inertia, shape and share of the dashpots
-to `scratch`, and add to its row PATH. Loops over the lanes have no branches that depend
-on a lane, so that they become vector code.
+`motion`. They write angular velocity, inverse inertia, shape and fraction of the
+dashpots to `scratch`, and add to its row PATH. Loops over the lanes have no branches
+that depend on a lane, so that they become vector code.
 
 The budget of a body is the angular momentum that rolling resistance can take from it in
 a step. `omega` is an angular velocity [rad/s]. Vectors are in world axes. Components
@@ -37,8 +37,9 @@ from .vectors import cross, squared_length
 
 BUDGET_SHARE = 1.0 - 1e-12  # reduces a budget, so that rounding never hides a rotation
 LEAST_SPEED = 1e-150  # angular speed below which a rotation has no direction [rad/s]
-# Newton steps for the direction of the resistance. The length of its unit vector is then
-# wrong by 4e-8 if the moments of inertia differ sixfold, by 4e-4 for a factor of thirty.
+# Newton steps for the direction of the resistance. The length of its unit vector is
+# then wrong by 4e-8 if the moments of inertia differ sixfold, by 4e-4 for a factor of
+# thirty.
 NEWTON_STEPS = 3
 # First rows of the scratch tile.
 BUDGET = LOAD + state.ROLL * LANES  # a torque: the budget per second
@@ -60,7 +61,8 @@ def quaternion_of(motion, lane):
 def rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt):
     """Return a unit quaternion after a step with constant angular velocity.
 
-    It is q + dt / 2 (0, omega) q, divided by its length, with the product of quaternions.
+    It is q + dt / 2 (0, omega) q, divided by its length, with the product of
+    quaternions.
 
     Parameters
     ----------
@@ -137,7 +139,8 @@ def write_rotated_diagonal(scratch, row, motion, diagonal_row):
     """
     for lane in range(LANES):
         qw, qx, qy, qz = quaternion_of(motion, lane)
-        # Read number by number. With `lane_vector` the last bits would change, see `jit`.
+        # Read number by number. With `lane_vector` the last bits would change, see
+        # `jit`.
         d1 = motion[diagonal_row + lane]
         d2 = motion[diagonal_row + LANES + lane]
         d3 = motion[diagonal_row + 2 * LANES + lane]
@@ -332,8 +335,8 @@ def stop_rotations(scratch, motion):
 def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     """Return the direction of the rolling resistance on a body that it does not stop.
 
-    All components are along the principal axes of the body, and all motion is relative to
-    the frame of the rolling resistance.
+    All components are along the principal axes of the body, and all motion is relative
+    to the frame of the rolling resistance.
 
     After the resistance has acted, the angular velocity is s n, where s is the speed
     and n the unit vector that is returned. The resistance takes the angular momentum B
@@ -358,8 +361,8 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     n1, n2, n3 : float
         The unit vector n.
     """
-    # Compute the numerators J l and the terms B J of the denominators. Divide both by the
-    # speed without resistance, so that the root s is between 0 and 1.
+    # Compute the numerators J l and the terms B J of the denominators. Divide both by
+    # the speed without resistance, so that the root s is between 0 and 1.
     numerator1, numerator2, numerator3 = j1 * l1, j2 * l2, j3 * l3
     free_speed = math.sqrt(
         numerator1 * numerator1 + numerator2 * numerator2 + numerator3 * numerator3
@@ -390,8 +393,8 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     for _ in range(NEWTON_STEPS):
         # The denominators d = s + B J of the three axes
         d1, d2, d3 = speed + loss1, speed + loss2, speed + loss3
-        # Multiply all fractions of n by the product of the three denominators, so that a
-        # step needs only one division. d23 is the product of d2 and d3.
+        # Multiply all fractions of n by the product of the three denominators, so that
+        # a step needs only one division. d23 is the product of d2 and d3.
         d23, d31, d12 = d2 * d3, d3 * d1, d1 * d2
         square1 = numerator1 * numerator1 * d23 * d23
         square2 = numerator2 * numerator2 * d31 * d31
@@ -526,9 +529,9 @@ def advance_orientation(scratch, motion, dt):
     where J is the inverse inertia. Because J rotates with the body, o changes at the
     rate -J (o x l).
 
-    Writes the quaternion to `motion` and the angular velocity to `scratch`. Adds the path
-    of the body's farthest point to the row PATH of `scratch`. Velocities and momenta that
-    are almost zero become zero (`state.flush_tiny`).
+    Writes the quaternion to `motion` and the angular velocity to `scratch`. Adds the
+    path of the body's farthest point to the row PATH of `scratch`. Velocities and
+    momenta that are almost zero become zero (`state.flush_tiny`).
 
     Parameters
     ----------
@@ -591,9 +594,9 @@ def write_inverse_inertia(scratch, motion):
 def write_shapes(scratch, motion, parts):
     """Write inverse inertia and shape of each lane's body in its present orientation.
 
-    The shape of a smooth body is a symmetric matrix for each of its ellipsoids. The shape
-    of a clump is its quaternion. The loop over the ellipsoids is written out, so that
-    their rows are constants in the compiled code.
+    The shape of a smooth body is a symmetric matrix for each of its ellipsoids. The
+    shape of a clump is its quaternion. The loop over the ellipsoids is written out, so
+    that their rows are constants in the compiled code.
 
     Parameters
     ----------
@@ -623,10 +626,10 @@ def write_shapes(scratch, motion, parts):
 
 @kernel
 def write_dashpot_shares(scratch, motion, dt, parts):
-    """Write the share of the tangential dashpots that acts on each body in a step.
+    """Write the fraction of the tangential dashpots that acts on each body in a step.
 
-    The share is for the next step. With this share, all dashpots together at most stop
-    the rotation of the body, see `laws.tangential`.
+    The fraction is for the next step. With this fraction, all dashpots together at most
+    stop the rotation of the body, see `laws.tangential`.
 
     Parameters
     ----------
@@ -646,7 +649,7 @@ def write_dashpot_shares(scratch, motion, dt, parts):
     for lane in range(LANES):
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         largest_inverse_moment = max(j1, max(j2, j3))
-        # Upper bound of the share of the rotation that the dashpots would take in a
+        # Upper bound of the fraction of the rotation that the dashpots would take in a
         # step
         lost_share = dt * largest_inverse_moment * scratch[DASHPOTS + lane]
         scratch[share_row + lane] = 1.0 / max(1.0, lost_share)
@@ -740,7 +743,7 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
         lx = lx + dt * torque_x - moment * frame_x
         ly = ly + dt * torque_y - moment * frame_y
         lz = lz + dt * torque_z - moment * frame_z
-        # The share of this momentum that remains after the resistance
+        # The fraction of this momentum that remains after the resistance
         budget = dt * scratch[BUDGET + lane]
         momentum = math.sqrt(squared_length(lx, ly, lz))
         may_turn = is_present & (momentum > budget)

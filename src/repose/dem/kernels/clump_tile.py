@@ -5,9 +5,9 @@ keeps the radii of its spheres, and their centres in the axes of their bodies. T
 of the bodies contain positions and, in the columns of the shape, quaternions.
 
 `scratch` is the scratch tile (rows of `tile`), `history` the tile of numbers that the
-contacts keep. The functions read the rows of the bodies (`tile.A`, `tile.B`). They write
-NORMAL in `history`, and GAP, RADIUS, RA and RB in `scratch`. See `rows` for the layout
-of a tile.
+contacts keep. The functions read the rows of the bodies (`tile.A`, `tile.B`). They
+write NORMAL in `history`, and GAP, RADIUS, RA and RB in `scratch`. See `rows` for the
+layout of a tile.
 """
 
 import math
@@ -95,8 +95,8 @@ def write_sphere_pair_geometry(scratch, history):
     """Compute normal, gap, effective radius and contact point of each pair of spheres.
 
     Each sphere belongs to a clump. Writes the normal (row NORMAL of `history`), and the
-    rows GAP, RADIUS, RA and RB of `scratch`. RA and RB are the vectors from the centres of
-    the two clumps to the contact point.
+    rows GAP, RADIUS, RA and RB of `scratch`. RA and RB are the vectors from the centres
+    of the two clumps to the contact point.
 
     Parameters
     ----------
@@ -146,8 +146,8 @@ def write_sphere_pair_geometry(scratch, history):
 def write_sphere_plane_geometry(scratch, history):
     """Compute gap, effective radius and contact point of each sphere on a plane.
 
-    Writes the rows GAP, RADIUS and RA of `scratch`. Beyond the edge of the plane's disc,
-    the gap is tile.BEYOND, which is infinite, as in `tile.write_plane_geometry`.
+    Writes the rows GAP, RADIUS and RA of `scratch`. Beyond the edge of the plane's
+    disc, the gap is tile.BEYOND, which is infinite, as in `tile.write_plane_geometry`.
 
     Parameters
     ----------

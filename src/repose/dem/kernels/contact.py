@@ -23,8 +23,8 @@ LONGEST_STEP = 0.4
 MOST_ITERATIONS = 60
 # A step went downhill if it reduced f [m] by more than this, which allows for rounding.
 DOWNHILL = 1e-15
-# The Hessian counts as definite when its determinant exceeds this share of the squared
-# trace of the curvature.
+# The Hessian counts as definite when its determinant exceeds this fraction of the
+# squared trace of the curvature.
 LEAST_DETERMINANT = 1e-3
 
 
@@ -32,9 +32,9 @@ LEAST_DETERMINANT = 1e-3
 def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
     """Return the step (x, y, z) of a normal towards the maximum of f [rad].
 
-    f is the gap of two bodies along the normal. This is a step of Newton's method on the
-    unit sphere, in the tangent plane. If the Hessian is not definite, it is a scaled
-    gradient step instead. A step longer than LONGEST_STEP is cut.
+    f is the gap of two bodies along the normal. This is a step of Newton's method on
+    the unit sphere, in the tangent plane. If the Hessian is not definite, it is a
+    scaled gradient step instead. A step longer than LONGEST_STEP is cut.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
     trace = xx + yy + zz
     determinant = radii_product(xx, xy, xz, yy, yz, zz) + f * (trace + f)  # of C + f I
     if trace + 2.0 * f > 0.0 and determinant > LEAST_DETERMINANT * trace * trace:
-        # The step is T^-1 g. T = C + f I is a 2 x 2 matrix in the tangent plane, so by the
-        # theorem of Cayley and Hamilton T^-1 g = (tr T g - T g) / det T. No tangents are
-        # needed.
+        # The step is T^-1 g. T = C + f I is a 2 x 2 matrix in the tangent plane, so by
+        # the theorem of Cayley and Hamilton T^-1 g = (tr T g - T g) / det T. No
+        # tangents are needed.
         inverse = 1.0 / determinant
         gradient_factor = trace + f
         sx = inverse * (gradient_factor * gx - xx * gx - xy * gy - xz * gz)
@@ -99,8 +99,8 @@ def sphere_gap(rows, i, j, dx, dy, dz, normal):
 def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
     """Find the gap of two smooth bodies and its normal; return the gap [m].
 
-    The gap is negative for an overlap. A step that went downhill is halved until it goes
-    uphill.
+    The gap is negative for an overlap. A step that went downhill is halved until it
+    goes uphill.
 
     Parameters
     ----------
@@ -116,8 +116,8 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
     tolerance : float
         The iteration stops when a step is shorter than this [rad].
     sufficient_gap : float
-        The iteration also stops if the gap along a normal is larger than this [m]. A plane
-        with this normal then separates the bodies.
+        The iteration also stops if the gap along a normal is larger than this [m]. A
+        plane with this normal then separates the bodies.
     """
     ax, ay, az = vector_at(rows[i], POSITION)
     bx, by, bz = vector_at(rows[j], POSITION)

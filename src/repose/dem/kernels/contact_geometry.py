@@ -1,8 +1,9 @@
 """Read and write a contact of a body with a wall as eight numbers, `geometry`.
 
 The solvers of `wall_contact` and `mesh_contact` fill such an array. Each thread has two
-of them in its scratch memory (`state.Scratch`). `forces` copies the array to a lane of a
-tile. The vectors are in the frame of the wall or in world axes, as each function says.
+of them in its scratch memory (`state.Scratch`). `forces` copies the array to a lane of
+a tile. The vectors are in the frame of the wall or in world axes, as each function
+says.
 
     normal (3)   unit vector from the body into the wall
     gap          distance of the two surfaces [m]; negative for an overlap
@@ -35,8 +36,8 @@ def write_contact(
 ):
     """Write the contact of a body to `geometry`, from the body's support point.
 
-    The support point is the body's outermost point along the normal n. The contact point
-    lies half a gap further, midway between the two surfaces.
+    The support point is the body's outermost point along the normal n. The contact
+    point lies half a gap further, midway between the two surfaces.
 
     Parameters
     ----------
@@ -45,7 +46,8 @@ def write_contact(
     nx, ny, nz : float
         Unit normal n, from the body into the wall.
     gap, radius : float
-        Distance of the two surfaces (negative for an overlap), and effective radius R* [m].
+        Distance of the two surfaces (negative for an overlap), and effective radius R*
+        [m].
     extent, along_u, along_w : float
         Components of the support point along n, u and w, from the body's centre [m].
     ux, uy, uz, wx, wy, wz : float

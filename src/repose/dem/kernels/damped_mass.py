@@ -1,7 +1,7 @@
 """Compute the effective mass of each contact, on which its viscous damping depends.
 
-A unit impulse along the normal n, at a point at r from the centre of a body, changes the
-velocity of this point along n by
+A unit impulse along the normal n, at a point at r from the centre of a body, changes
+the velocity of this point along n by
 
     1 / m + (r x n) . J (r x n)
 
@@ -9,8 +9,8 @@ where m is the body's mass and J its inverse inertia. The sum over both bodies i
 inverse of their effective mass at the contact. There, the bodies move along n like two
 spheres with this effective mass.
 
-Two clumps may touch with several spheres at once. The stiffnesses S of N contacts at one
-point add up to N S. To keep the damping ratio of a single contact, their damping
+Two clumps may touch with several spheres at once. The stiffnesses S of N contacts at
+one point add up to N S. To keep the damping ratio of a single contact, their damping
 constants 2 beta sqrt(S m) must add up to 2 beta sqrt(N S m). Therefore each contact has
 the mass m / N. All contacts of two clumps share the mass in this way, wherever they
 touch, and so do all spheres of a clump on one wall.
@@ -45,17 +45,17 @@ def write_mobility(scratch, history, body_row, arm_row, parts, kept_share):
     Parameters
     ----------
     scratch, history : array
-        Scratch tile, and tile of the numbers that contacts keep. The row INVERSE_MASS of
-        `scratch` is overwritten or added to.
+        Scratch tile, and tile of the numbers that contacts keep. The row INVERSE_MASS
+        of `scratch` is overwritten or added to.
     body_row, arm_row : int
-        First row of the body and of its contact point in `scratch`: tile.A and tile.RA, or
-        tile.B and tile.RB.
+        First row of the body and of its contact point in `scratch`: tile.A and tile.RA,
+        or tile.B and tile.RB.
     parts : int
         Ellipsoids of a body, or SPHERES. An impulse along the normal does not turn a
         sphere, so its inertia does not count.
     kept_share : float
-        1.0 to add to the row, 0.0 to overwrite it. With a factor instead of a branch, the
-        compiler makes vector code of the loop.
+        1.0 to add to the row, 0.0 to overwrite it. With a factor instead of a branch,
+        the compiler makes vector code of the loop.
     """
     inverse_mass_row = body_row + state.INVERSE_MASS * LANES
     if parts == state.SPHERES:

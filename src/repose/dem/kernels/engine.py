@@ -3,11 +3,11 @@
 `advance` runs on one thread. `parallel.advance_shared` makes the same steps on several.
 
 The arguments are the arrays of a simulation (see `state`). Every function changes most
-of them in place. `flat`, `curved` and `meshed` are the contacts with planes, with curved
-walls and with meshes. `contact_tile` and `body_tile` are scratch tiles for contacts and
-bodies. `ghost` is the index of the absent body. `clumps` is an empty tuple if all
-bodies are smooth (see `forces`), and `meshes` is an empty tuple if no wall is a mesh.
-Code that is not needed for an empty tuple is not compiled.
+of them in place. `flat`, `curved` and `meshed` are the contacts with planes, with
+curved walls and with meshes. `contact_tile` and `body_tile` are scratch tiles for
+contacts and bodies. `ghost` is the index of the absent body. `clumps` is an empty tuple
+if all bodies are smooth (see `forces`), and `meshes` is an empty tuple if no wall is a
+mesh. Code that is not needed for an empty tuple is not compiled.
 """
 
 from . import state
@@ -32,8 +32,8 @@ from .wall_search import find_new_mesh_contacts, find_new_wall_contacts
 def has_free_quarter(n_items, capacity):
     """Return whether a list of `n_items` items is at most three quarters full.
 
-    `capacity` is the length of the list's arrays. A step adds fewer items than a quarter of
-    this length.
+    `capacity` is the length of the list's arrays. A step adds fewer items than a
+    quarter of this length.
     """
     return n_items * 4 <= capacity * 3
 

@@ -421,7 +421,8 @@ def _find_largest_radius(vertices, faces, displacements, radius):
     vertices, faces : ndarray (V, 3), (F, 3)
         Positions of the vertices [m], and vertices of each triangle.
     displacements : ndarray (V, 3)
-        Displacement of each vertex for a radius of 1, see `compute_inward_displacements`.
+        Displacement of each vertex for a radius of 1, see
+        `compute_inward_displacements`.
     radius : float
         An edge radius that is too large [m].
 
@@ -450,7 +451,8 @@ def erode_mesh(vertices, faces, displacements, radius):
     vertices, faces : ndarray (V, 3), (F, 3)
         Positions of the vertices [m], and vertices of each triangle.
     displacements : ndarray (V, 3)
-        Displacement of each vertex for a radius of 1, see `compute_inward_displacements`.
+        Displacement of each vertex for a radius of 1, see
+        `compute_inward_displacements`.
     radius : float
         The edge radius [m].
 
@@ -671,9 +673,9 @@ def _project_rays(directions, ray_vertex, rays):
 def _turn_away_from_rays(directions, ray_vertex, rays):
     """Turn the direction of each vertex until all its rays recede from it, if possible.
 
-    The rays of a vertex are unit vectors along its edges. A ray recedes if its component
-    along the direction is negative. Each perceptron step turns a direction away from the
-    ray with the largest component.
+    The rays of a vertex are unit vectors along its edges. A ray recedes if its
+    component along the direction is negative. Each perceptron step turns a direction
+    away from the ray with the largest component.
 
     Parameters
     ----------
@@ -718,7 +720,8 @@ def _find_convex_vertices(core, edges, pairs, normals):
     convex_vertices : ndarray
         Indices of these vertices.
     ray_vertex : ndarray (2 E,)
-        Vertex of each ray, in increasing order. Each edge is two rays, one from each end.
+        Vertex of each ray, in increasing order. Each edge is two rays, one from each
+        end.
     rays : ndarray (2 E, 3)
         Unit vector along each ray, away from the vertex.
     """
@@ -758,8 +761,8 @@ def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
     """
     from scipy.sparse import coo_array
 
-    # Mark the vertices of each face in a sparse matrix. Its product with its transpose has
-    # an entry for each pair of faces that share a vertex.
+    # Mark the vertices of each face in a sparse matrix. Its product with its transpose
+    # has an entry for each pair of faces that share a vertex.
     n_faces = len(faces)
     rows = np.repeat(np.arange(n_faces), 3)
     columns = faces.ravel()
@@ -954,7 +957,8 @@ def _sort_into_cells(core, faces, kind, data, radius):
     n_cells : ndarray (3,)
         Number of cells along each axis.
     begin : ndarray
-        Index in `items` of the first feature of each cell, and the end of the last cell.
+        Index in `items` of the first feature of each cell, and the end of the last
+        cell.
     items : ndarray
         Indices of the features that reach into each cell, one cell after another.
     """
@@ -969,8 +973,8 @@ def _sort_into_cells(core, faces, kind, data, radius):
     upper = upper + GRID_MARGIN * cell_size
     n_cells = np.maximum(np.ceil((upper - lower) / cell_size), 1).astype(np.int64)
 
-    # Count the features of each cell, then list them. The list of a cell begins where the
-    # list of the cell before it ends.
+    # Count the features of each cell, then list them. The list of a cell begins where
+    # the list of the cell before it ends.
     count = np.zeros(int(n_cells.prod()) + 1, np.int64)
     no_items = np.zeros(0, np.int64)
     put_in_cells(

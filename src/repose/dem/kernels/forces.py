@@ -141,7 +141,8 @@ def prefetch_next_pairs(pairs, load, rows, base):
     """Prefetch the data of the next tiles of pairs into the processor's caches.
 
     These are the second bodies of the next tile, and the contacts of the tile after it.
-    The first bodies are nearly in order in memory, so the processor fetches them itself.
+    The first bodies are nearly in order in memory, so the processor fetches them
+    itself.
 
     Parameters
     ----------
@@ -217,8 +218,8 @@ def fill_lane_law_constants(scratch, lane, physics, material_a, material_b):
 def first_law_row(clumps, on_wall):
     """Return the first row of the force laws in the tile `history`.
 
-    The rows before it hold the geometry. Their number depends on the kind of body, and on
-    whether the contact is with a wall.
+    The rows before it hold the geometry. Their number depends on the kind of body, and
+    on whether the contact is with a wall.
 
     Parameters
     ----------
@@ -324,8 +325,8 @@ def write_pair_geometry(scratch, history, parts, clumps):
 def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, end):
     """Compute the forces of touching pairs and add them to one share of the loads.
 
-    Adds to `bodies.load` of this share. Overwrites `scratch`, and updates what the pairs
-    keep (`pairs.data`).
+    Adds to `bodies.load` of this share. Overwrites `scratch`, and updates what the
+    pairs keep (`pairs.data`).
 
     Parameters
     ----------
@@ -629,8 +630,8 @@ def drop_ended_contacts(contacts, clumps, counts, length_slot, n_ended, ghost):
     Parameters
     ----------
     contacts : WallContacts
-        The list of contacts. The first n_ended numbers of `ended` are the indices of the
-        contacts that ended, in increasing order.
+        The list of contacts. The first n_ended numbers of `ended` are the indices of
+        the contacts that ended, in increasing order.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int

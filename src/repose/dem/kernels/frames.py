@@ -3,8 +3,8 @@
 The module reads `Walls.motion` and `Walls.moves`. `move_walls` writes the positions of
 moving walls (`Walls.planes`, `Walls.frames`), their pivots and `Walls.approach`.
 `move_plane_contacts` writes the planes in the tiles of `WallContacts.data`.
-`add_loads_of_walls` adds to `Walls.loads`. A frame is a row of `Walls.frames` (12,): the
-origin, then the rotation from the frame's axes to the world's, row by row.
+`add_loads_of_walls` adds to `Walls.loads`. A frame is a row of `Walls.frames` (12,):
+the origin, then the rotation from the frame's axes to the world's, row by row.
 """
 
 import math
@@ -56,8 +56,8 @@ def place_in_frame(frame, x, y, z):
 def rotate_to_world(frame, values, first):
     """Rotate a vector in an array from a frame into world axes, in place.
 
-    `frame` is a row of `Walls.frames`. `first` is the index of the vector's x component in
-    `values`; y and z follow.
+    `frame` is a row of `Walls.frames`. `first` is the index of the vector's x component
+    in `values`; y and z follow.
     """
     x, y, z = vector_at(values, first)
     x, y, z = out_of_frame(frame, x, y, z)
@@ -282,7 +282,8 @@ def move_walls(walls, dt):
 def move_plane_contacts(flat, walls, n_contacts):
     """Update the copies of moving planes in the first n contacts with planes.
 
-    Each contact keeps a copy of its plane, so that vector code can read it lane by lane.
+    Each contact keeps a copy of its plane, so that vector code can read it lane by
+    lane.
 
     Parameters
     ----------
@@ -308,8 +309,8 @@ def write_plane(history, lane, plane):
     Parameters
     ----------
     history : array (rows * LANES,)
-        The contact's tile of `WallContacts.data`. The rows of the plane are overwritten in
-        its lane.
+        The contact's tile of `WallContacts.data`. The rows of the plane are overwritten
+        in its lane.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     plane : array
@@ -331,8 +332,8 @@ def write_plane(history, lane, plane):
 def add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch):
     """Add the forces of a tile of contacts to `walls.loads`, if the user requested it.
 
-    The load of a wall is a row of `walls.loads`, six numbers: the force of all its contacts
-    on it, and their torque about the origin of the world.
+    The load of a wall is a row of `walls.loads`, six numbers: the force of all its
+    contacts on it, and their torque about the origin of the world.
 
     Parameters
     ----------

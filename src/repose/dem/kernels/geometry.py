@@ -78,8 +78,8 @@ def multiply_symmetric(xx, xy, xz, yy, yz, zz, x, y, z):
 def shape_matrix(row, part):
     """Return the matrix S (xx, xy, xz, yy, yz, zz) of one ellipsoid of a body [m^2].
 
-    `row` is a row of `Bodies.rows`, `part` the index of the ellipsoid. In the axes of the
-    ellipsoid, S is the diagonal matrix of the squared semi-axes.
+    `row` is a row of `Bodies.rows`, `part` the index of the ellipsoid. In the axes of
+    the ellipsoid, S is the diagonal matrix of the squared semi-axes.
     """
     first = SHAPE + PART * part
     xx, xy, xz = vector_at(row, first)
@@ -232,7 +232,8 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     q_uu, q_uw, q_ww : float
         Curvature matrix Q in the tangents u and w [m].
     """
-    # The outermost point of a sphere lies along n. Both radii of curvature are its radius.
+    # The outermost point of a sphere lies along n. Both radii of curvature are its
+    # radius.
     if parts == SPHERES:
         return row[SPHERE_RADIUS], 0.0, 0.0, row[SPHERE_RADIUS], 0.0, row[SPHERE_RADIUS]
     h = 0.0

@@ -55,9 +55,9 @@ def use_widest_vectors() -> None:
 
 use_widest_vectors()
 
-# With NUMBA_DISABLE_JIT=1 the kernels run as Python, for debugging or to measure coverage.
-# Square roots are then numpy numbers, so that division by a root of 0 gives infinity,
-# as it does in compiled code.
+# With NUMBA_DISABLE_JIT=1 the kernels run as Python, for debugging or to measure
+# coverage. Square roots are then numpy numbers, so that division by a root of 0 gives
+# infinity, as it does in compiled code.
 JIT_OFF = bool(getattr(numba.config, "DISABLE_JIT", 0))
 _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x))})
 

@@ -41,8 +41,8 @@ FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # arguments of llvm.prefetch
 PREFETCH_TYPE = ir.FunctionType(ir.VoidType(), [BYTE.as_pointer(), INT32, INT32, INT32])
 SMALLEST = 1e-300  # added to the radicand, so that 1 / sqrt(0) is finite
 
-# The arguments of the three intrinsics that copy numbers between a table and a tile. The
-# table, the index and the tile are arrays, and the other four are integers.
+# The arguments of the three intrinsics that copy numbers between a table and a tile.
+# The table, the index and the tile are arrays, and the other four are integers.
 COPY_ARGUMENTS = ("table", "column", "index", "k", "tile", "first", "stride")
 
 
@@ -257,8 +257,8 @@ def _make_copy_intrinsic(write_code):
         A function that kernels call with COPY_ARGUMENTS.
     """
 
-    # Numba calls `declare` with the types of the arguments, and later `generate` to write
-    # the code.
+    # Numba calls `declare` with the types of the arguments, and later `generate` to
+    # write the code.
     def declare(typingctx, table, column, index, k, tile, first, stride):
         def generate(context, builder, sig, values):
             write_code(builder, _CopyArguments(context, builder, sig, values))

@@ -73,8 +73,8 @@ LAW_ROW = _rows.count
 BEYOND = math.inf
 NEAREST = 1e-30  # if centres are nearer than this, they do not define a normal [m]
 LARGEST_TURN = 0.2  # largest change of a contact normal in one step [rad]
-# The matrix of the Newton step counts as definite when its determinant exceeds this share
-# of the squared trace of the curvature.
+# The matrix of the Newton step counts as definite when its determinant exceeds this
+# share of the squared trace of the curvature.
 LEAST_DETERMINANT = 1e-3
 
 
@@ -196,9 +196,9 @@ def write_support_of_a(scratch, history, parts):
 def add_support_of_b(scratch, history, parts):
     """Combine support point and curvature of body B of each lane with those of body A.
 
-    Call `write_support_of_a` first. Writes the rows SUPPORT_A_TO_B (vector from the support
-    point of A to that of B), CURVATURE_SUM (sum of the two curvature matrices) and AREA_B
-    (product of the principal radii of curvature of B).
+    Call `write_support_of_a` first. Writes the rows SUPPORT_A_TO_B (vector from the
+    support point of A to that of B), CURVATURE_SUM (sum of the two curvature matrices)
+    and AREA_B (product of the principal radii of curvature of B).
 
     Parameters
     ----------
@@ -311,10 +311,10 @@ def write_newton_step(scratch, history):
 def write_contact_points(scratch, history):
     """Rotate each normal by its step, and compute the contact point.
 
-    Call `write_newton_step` first. The contact point follows from an expansion at the old
-    normal, to second order in the step. Writes the normal (row NORMAL of `history`), and
-    the vectors from the centres of both bodies to the contact point (rows RA and RB of
-    `scratch`).
+    Call `write_newton_step` first. The contact point follows from an expansion at the
+    old normal, to second order in the step. Writes the normal (row NORMAL of
+    `history`), and the vectors from the centres of both bodies to the contact point
+    (rows RA and RB of `scratch`).
 
     Parameters
     ----------
@@ -378,8 +378,8 @@ def write_supports(scratch, history, parts):
 def write_sphere_pair_geometry(scratch, history):
     """Compute the geometry of 32 pairs of spheres, in closed form.
 
-    Writes the normal (row NORMAL of `history`), and the rows GAP, RADIUS, AREA_A, AREA_B,
-    RA and RB of `scratch`. If two centres coincide, the old normal is kept.
+    Writes the normal (row NORMAL of `history`), and the rows GAP, RADIUS, AREA_A,
+    AREA_B, RA and RB of `scratch`. If two centres coincide, the old normal is kept.
 
     Parameters
     ----------
@@ -426,9 +426,9 @@ def write_sphere_pair_geometry(scratch, history):
 def write_pair_geometry(scratch, history, parts):
     """Compute gap, effective radius and contact point of each pair of smooth bodies.
 
-    One Newton step from the last normal is enough, because bodies move little in a step.
-    Several short loops are faster than a single one, because the processor can overlap
-    more iterations of a short loop.
+    One Newton step from the last normal is enough, because bodies move little in a
+    step. Several short loops are faster than a single one, because the processor can
+    overlap more iterations of a short loop.
 
     Parameters
     ----------
@@ -459,9 +459,9 @@ def write_pair_geometry(scratch, history, parts):
 def write_support_of_sphere(scratch, history):
     """Write support point and curvature of body A of each lane, which is a sphere.
 
-    This is `write_support_of_a` in closed form. The outermost point of a sphere lies one
-    radius along the normal, and both radii of curvature are the radius. Writes the rows
-    SUPPORT and AREA_A.
+    This is `write_support_of_a` in closed form. The outermost point of a sphere lies
+    one radius along the normal, and both radii of curvature are the radius. Writes the
+    rows SUPPORT and AREA_A.
 
     Parameters
     ----------
@@ -556,11 +556,11 @@ def write_plane_geometry(scratch, history, parts):
 def write_torques(scratch):
     """Compute the torques on both bodies of each lane, and the force on B.
 
-    Reads the force on A (row TO_A), the vectors RA and RB from the centres to the contact
-    point, and the tangential dashpot (row DASHPOT). Writes the force on B, which is
-    opposite to that on A. For both bodies, writes the torque about the centre, and the
-    dashpot times the squared length of its arm. The rolling law writes the last row of a
-    load, the budget of the rolling resistance.
+    Reads the force on A (row TO_A), the vectors RA and RB from the centres to the
+    contact point, and the tangential dashpot (row DASHPOT). Writes the force on B,
+    which is opposite to that on A. For both bodies, writes the torque about the centre,
+    and the dashpot times the squared length of its arm. The rolling law writes the last
+    row of a load, the budget of the rolling resistance.
 
     Parameters
     ----------

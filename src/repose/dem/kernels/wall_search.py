@@ -365,7 +365,7 @@ def find_new_wall_contacts(
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """
     n_bodies = counts[state.N_BODIES]
-    # Only a large simulation has several shares of the loads.
+    # Only a large simulation has several fractions of the loads.
     if bodies.load.shape[0] == 1 or walls.approach[state.WALLS_MOVE] > 0.0:
         search_due_bodies(
             bodies,

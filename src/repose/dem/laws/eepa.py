@@ -238,8 +238,8 @@ def compute_plastic_forces(
         Tiles of 32 contacts: the working memory of this step, and what the contacts
         keep from step to step. See `law.contact_forces`.
     last_circle, plastic : int
-        Indices at which two rows of `history` begin: the radius of the contact circle in
-        the previous step [m], and the plastic overlap [m].
+        Indices at which two rows of `history` begin: the radius of the contact circle
+        in the previous step [m], and the plastic overlap [m].
     """
     for lane in range(LANES):
         gap = scratch[tile.GAP + lane]

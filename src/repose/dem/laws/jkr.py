@@ -277,8 +277,8 @@ def compute_cohesive_contacts(
         # because R* changes little in a time step.
         circle_unit = root_a * root_a if is_cohesive else 1.0
         root_a -= (root_a - radius * scratch[BOND + lane] / circle_unit) / 3.0
-        # The units A of the circle and A^2 / R* of the overlap, and the gap at which the
-        # contact ends
+        # The units A of the circle and A^2 / R* of the overlap, and the gap at which
+        # the contact ends
         circle_unit = root_a * root_a
         overlap_unit = circle_unit * circle_unit / radius if is_cohesive else 1.0
         end_gap = DEPTH * overlap_unit if is_cohesive else 0.0

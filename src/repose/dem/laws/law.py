@@ -164,8 +164,8 @@ def contact_forces(
 ) -> None:
     """Compute the force on body A in each lane, and the force that limits rolling.
 
-    Both are written to the rows `TO_A` and `PUSH` of `scratch`. The radius of the contact
-    circle is written to `CIRCLE`.
+    Both are written to the rows `TO_A` and `PUSH` of `scratch`. The radius of the
+    contact circle is written to `CIRCLE`.
 
     Parameters
     ----------

@@ -55,9 +55,9 @@ def kernel(
 ) -> None:
     """Compute the budgets of both bodies of 32 contacts, one in each lane.
 
-    A budget is a torque: mu_r times the force that limits friction times the arm. The arm
-    is the distance of the contact from the centre of the body. The rows ROLL of TO_A and
-    TO_B are overwritten.
+    A budget is a torque: mu_r times the force that limits friction times the arm. The
+    arm is the distance of the contact from the centre of the body. The rows ROLL of
+    TO_A and TO_B are overwritten.
 
     Parameters
     ----------

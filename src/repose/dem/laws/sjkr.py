@@ -140,8 +140,8 @@ def geometry(
 def add_cohesion(scratch: np.ndarray, history: np.ndarray) -> None:
     """Add the cohesion k A to the force on body A of each lane, towards B.
 
-    Call it after `compute_forces`, which writes this force. The row TO_A of `scratch` is
-    changed.
+    Call it after `compute_forces`, which writes this force. The row TO_A of `scratch`
+    is changed.
 
     Parameters
     ----------

@@ -182,8 +182,8 @@ def write_forces(
     friction : float
         Coefficient of static friction.
     stiffness, damping : float
-        Stiffness of the tangential spring [N/m], and constant of its dashpot [N s/m]. The
-        row SHARE holds the share of the dashpot that acts.
+        Stiffness of the tangential spring [N/m], and constant of its dashpot [N s/m].
+        The row SHARE holds the share of the dashpot that acts.
     """
     scratch[tile.DASHPOT + lane] = damping
     damping *= scratch[tile.SHARE + lane]

@@ -42,8 +42,8 @@ LARGEST_FOCAL_CHANGE = (
     1.6  # factor between the focal length with and without distortion
 )
 SINGULAR_FIT = 1e-6  # a smaller relative error of the focal length means a singular fit
-# An assumed focal length is kept if it lies within this number of standard errors of the
-# best one.
+# An assumed focal length is kept if it lies within this number of standard errors of
+# the best one.
 KEPT_STANDARD_ERRORS = 3
 
 # Limits of the pose of a camera
@@ -52,15 +52,15 @@ LARGEST_RESIDUAL = 1.5e-3
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
 
-# If a pixel of a view is larger than this, in pixels of the photograph, the photograph is
-# blurred before the view is drawn.
+# If a pixel of a view is larger than this, in pixels of the photograph, the photograph
+# is blurred before the view is drawn.
 SMALLEST_BLURRED_REDUCTION = 1.5
-BLUR_SHARE = 0.4  # standard deviation of the blur, in pixels of the view
+BLUR_FRACTION = 0.4  # standard deviation of the blur, in pixels of the view
 
 STRIP_BELOW_PLATE_MM = 3.0  # height of the strip below the plate in a side view
 POINTS_PER_BORDER = 9  # on each border of a photograph, to find what it shows
 # Width of a strip around the sheet that also counts as hidden, in widths of the sheet
-SHEET_MARGIN_SHARE = 0.02
+SHEET_MARGIN_FRACTION = 0.02
 # OpenCV solves for a sheet in the plane of its first two axes: (x, y, z) of the world
 # is (x, z, -y) there.
 WORLD_TO_SHEET = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -138,11 +138,11 @@ def calibrate_camera(
 ) -> Camera:
     """Estimate the focal length and distortion of a camera from photographs of the sheet.
 
-    The model assumes that the lens is centred on the picture, that the pixels are square,
-    and that the distortion is radial. It has as many coefficients of distortion as the
-    corners determine (`_is_reliable`): two, one or none. If the corners do not even
-    determine the focal length, `_estimate_focal` provides it. It then equals `focal_px`,
-    unless the corners clearly contradict this.
+    The model assumes that the lens is centred on the picture, that the pixels are
+    square, and that the distortion is radial. It has as many coefficients of distortion
+    as the corners determine (`_is_reliable`): two, one or none. If the corners do not
+    even determine the focal length, `_estimate_focal` provides it. It then equals
+    `focal_px`, unless the corners clearly contradict this.
 
     Parameters
     ----------
@@ -151,7 +151,8 @@ def calibrate_camera(
     size : tuple of int
         Width and height of the photographs in pixels.
     focal_px : float, optional
-        The focal length in pixels that the camera states. The default is that of a phone.
+        The focal length in pixels that the camera states. The default is that of a
+        phone.
 
     Returns
     -------
@@ -167,7 +168,8 @@ def calibrate_camera(
     assumed_focal = PHONE_FOCAL * longer_side if focal_px is None else focal_px
     focal = _estimate_focal(views, assumed_focal, size)
     guess = _make_camera_matrix(focal, size)
-    # Fit two coefficients of distortion, then one, then none, until the fit is reliable.
+    # Fit two coefficients of distortion, then one, then none, until the fit is
+    # reliable.
     for fixed_flags in FIXED_COEFFICIENTS:
         fit = _fit_lens(views, size, guess, fixed_flags)
         if fit is not None and _is_reliable(fit, focal, longer_side):
@@ -315,8 +317,8 @@ def _estimate_focal(
     n_values = 2 * sum(len(view.pixels) for view in views)
     n_unknowns = 6 * len(views) + 1  # a pose for each view, and the focal length
     variance = best_residual / (n_values - n_unknowns)
-    # At a distance of n standard errors from the best value, the sum of squared residuals
-    # is larger by n² variances.
+    # At a distance of n standard errors from the best value, the sum of squared
+    # residuals is larger by n² variances.
     if assumed_residual - best_residual < KEPT_STANDARD_ERRORS**2 * variance:
         return float(assumed)
     return float(trials[residuals.argmin()])
@@ -524,8 +526,8 @@ def draw_side_view(
     pose : Pose
         The camera's pose.
     axis_mm : float or None
-        Distance of the axis from the sheet's lower left corner. With None, the view lies
-        in the plane of the sheet, and this corner takes the place of the axis.
+        Distance of the axis from the sheet's lower left corner. With None, the view
+        lies in the plane of the sheet, and this corner takes the place of the axis.
     longest_side_px : int
         Largest number of pixels of a side.
     crop : Extent, optional
@@ -628,7 +630,7 @@ def _take_colours(
     """
     source = image
     if reduction > SMALLEST_BLURRED_REDUCTION:
-        source = cv2.GaussianBlur(image, (0, 0), BLUR_SHARE * reduction)
+        source = cv2.GaussianBlur(image, (0, 0), BLUR_FRACTION * reduction)
     return cv2.remap(
         source,
         pixels[..., 0],
@@ -677,7 +679,7 @@ def _find_outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
         Corners (4, 2) of that part in mm, along the plane and up.
     """
     width, height = pose.paper_mm
-    margin = SHEET_MARGIN_SHARE * width
+    margin = SHEET_MARGIN_FRACTION * width
     left = -margin
     right = width + margin
     bottom = -2 * margin
@@ -709,16 +711,17 @@ def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:
     Raises
     ------
     NoFlankError
-        If a part of the photograph does not show the plane, or if the photograph does not
-        show the plane above the plate.
+        If a part of the photograph does not show the plane, or if the photograph does
+        not show the plane above the plate.
     """
-    # Choose points on the border of the photograph, as shares of its width and height.
+    # Choose points on the border of the photograph, as fractions of its width and
+    # height.
     shares = np.linspace(0, 1, POINTS_PER_BORDER)
     border = []
-    for x_share in shares:
-        for y_share in shares:
-            if x_share in (0, 1) or y_share in (0, 1):
-                border.append((x_share, y_share))
+    for x_fraction in shares:
+        for y_fraction in shares:
+            if x_fraction in (0, 1) or y_fraction in (0, 1):
+                border.append((x_fraction, y_fraction))
     pixels = np.array(border) * np.subtract(pose.size, 1)
 
     # Find the rays through these points: first in the frame of the camera, which looks

@@ -1,7 +1,7 @@
 """List doubts about a measured photograph: signs that it does not show a single pile.
 
-A doubt is a sentence for the user. A photograph with a doubt is measured, but by default
-it does not count in the mean. Worse signs raise NoFlankError, which refuses the
+A doubt is a sentence for the user. A photograph with a doubt is measured, but by
+default it does not count in the mean. Worse signs raise NoFlankError, which refuses the
 photograph.
 """
 
@@ -42,15 +42,17 @@ HIGHEST_MEETING = 1.3
 # Limits of a base that was found without the sheet
 LARGEST_SHADOW_GRAINS = 0.3  # height of the shadow below the grains
 LARGEST_UNDERSIDE_GRAINS = 0.6  # height of the pile below its widest row
-WIDEST_SHARE = 0.99  # share of the largest width from which a row counts as widest
+WIDEST_FRACTION = (
+    0.99  # fraction of the largest width from which a row counts as widest
+)
 # The end of a row of round grains is upright over less than this height.
 LARGEST_UPRIGHT_GRAINS = 0.75
 LARGEST_UPRIGHT_PX = 12
 SMALLEST_STRIP_PX = 4  # height of the strip below the base that is compared
-# Largest difference in tones between the strip below the pile and that beside it, if both
-# show a plate
+# Largest difference in tones between the strip below the pile and that beside it, if
+# both show a plate
 SMALLEST_STEP = 30
-LARGEST_SHADOW_SHARE = 0.03  # of a pile that differs in colour from the background
+LARGEST_SHADOW_FRACTION = 0.03  # of a pile that differs in colour from the background
 
 
 class _Margins(NamedTuple):
@@ -237,8 +239,8 @@ def _compute_meeting_height(lines: tuple, base_row: float) -> float:
     ((x1, row1), (x2, row2)), ((x3, row3), (x4, row4)) = lines
     slope = (row2 - row1) / (x2 - x1)
     other_slope = (row4 - row3) / (x4 - x3)
-    # Horizontal distance of the meeting point from the first point, times the difference
-    # of the slopes
+    # Horizontal distance of the meeting point from the first point, times the
+    # difference of the slopes
     offset = row3 - row1 + other_slope * (x1 - x3)
     return base_row - (row1 + slope * offset / (slope - other_slope))
 
@@ -287,7 +289,7 @@ def require_foot(
 
     # If the camera looks down on the pile, the lowest rows show its near rim, which is
     # narrower than the rows above. Count the rows below the lowest of the widest rows.
-    is_widest = widths[rows] >= WIDEST_SHARE * widths.max()
+    is_widest = widths[rows] >= WIDEST_FRACTION * widths.max()
     lowest_widest_row = rows[np.flatnonzero(is_widest)[-1]]
     n_rim_rows = rows[-1] - lowest_widest_row
     if n_rim_rows > LARGEST_UNDERSIDE_GRAINS * grain_px:
@@ -337,10 +339,10 @@ def list_doubts_of_base(
             f"that of a plate: {BASE_ROW_ADVICE}"
         )
 
-    shadow_share = finding.compute_shadow_share(image, pile.mask)
-    if shadow_share > LARGEST_SHADOW_SHARE:
+    shadow_fraction = finding.compute_shadow_fraction(image, pile.mask)
+    if shadow_fraction > LARGEST_SHADOW_FRACTION:
         doubts.append(
-            f"{DOUBT}: {100 * shadow_share:.0f} % of it is darker background, as with a "
+            f"{DOUBT}: {100 * shadow_fraction:.0f} % of it is darker background, as with a "
             "shadow on what stands behind"
         )
     return doubts
@@ -355,8 +357,8 @@ def _count_upright_rows(margin: np.ndarray) -> int:
     Parameters
     ----------
     margin : ndarray
-        Number of pixels (N,) between the pile and the border of the picture on one side,
-        for each row of the pile.
+        Number of pixels (N,) between the pile and the border of the picture on one
+        side, for each row of the pile.
 
     Returns
     -------
@@ -371,8 +373,8 @@ def _continues_below(
 ) -> bool:
     """Tell whether the picture below the base has the pile's colour.
 
-    The colour below the middle of the foot is compared with that of the grains, and with
-    that beside the foot in the same rows.
+    The colour below the middle of the foot is compared with that of the grains, and
+    with that beside the foot in the same rows.
 
     Parameters
     ----------
@@ -391,8 +393,8 @@ def _continues_below(
         True if the colour below the base is closer to that of the grains than to that
         beside the foot, and clearly differs from the latter.
     """
-    # Select a strip below the base. It is about a grain high, and begins 2 rows below the
-    # base, away from the edge of the pile.
+    # Select a strip below the base. It is about a grain high, and begins 2 rows below
+    # the base, away from the edge of the pile.
     channels = image.reshape(*image.shape[:2], -1)
     first_row = math.ceil(pile.base_row) + 2
     n_rows = max(SMALLEST_STRIP_PX, round(grain_px))
@@ -412,8 +414,8 @@ def _continues_below(
     middle = slice(columns[len(columns) // 3], columns[2 * len(columns) // 3] + 1)
     grains = channels[rows[len(rows) // 2] : rows[-1], middle]
 
-    # If the pile stands on a plate, the strip has the colour of the plate beside it, and
-    # not that of the grains.
+    # If the pile stands on a plate, the strip has the colour of the plate beside it,
+    # and not that of the grains.
     colour_below = np.median(strip[:, middle], axis=(0, 1))
     colour_beside = np.median(beside_foot, axis=(0, 1))
     grain_colour = np.median(grains, axis=(0, 1))

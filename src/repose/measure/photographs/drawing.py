@@ -10,7 +10,8 @@ from repose.measure.settings import MeasureSettings
 
 # Ends of a nearly level line may lie beyond the coordinates that OpenCV draws.
 LARGEST_COORDINATE = 1e6  # pixels
-# OpenCV takes coordinates as whole numbers, here in units of 1/2^SUBPIXEL_BITS of a pixel.
+# OpenCV takes coordinates as whole numbers, here in units of 1/2^SUBPIXEL_BITS of a
+# pixel.
 SUBPIXEL_BITS = 8
 PICTURE_OVER_LINE = 500  # longer side of a picture over the width of a line in it
 HALF_BAR = 12  # half the length of the bar at the crest, over the width of a line

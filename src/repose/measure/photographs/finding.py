@@ -4,8 +4,8 @@ Each pixel has three features: two ratios of the colour channels, and the bright
 which has a small weight. A shadow changes the brightness of a surface but hardly its
 ratios. The first guess of the pile is whatever differs from the background of its row.
 GrabCut corrects the guess: it models the colours of both sides as mixtures of Gaussians
-and prefers short boundaries. If the colours do not show a pile, roughness takes the place
-of brightness: small grains have gaps between them, a wall has none.
+and prefers short boundaries. If the colours do not show a pile, roughness takes the
+place of brightness: small grains have gaps between them, a wall has none.
 
 References
 ----------
@@ -40,37 +40,44 @@ ADDED_TONES = 14.0
 FULL_BRIGHTNESS = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)
 
 # Background
-SIDE_SHARE = 0.25  # share of the width, on either side, that shows mostly background
+SIDE_FRACTION = (
+    0.25  # fraction of the width, on either side, that shows mostly background
+)
 LARGEST_TEXTURE = 30.0  # largest difference of the features within the background
 N_BACKGROUND_FITS = 3
-# A new estimate needs at least this share of a row near the previous estimate.
-FEWEST_NEAR_SHARE = 0.1
+# A new estimate needs at least this fraction of a row near the previous estimate.
+MIN_NEAR_FRACTION = 0.1
 SMALLEST_LEVEL = 6.0  # smallest difference from the background that marks a pile
 GUESS_MARGIN_PX = 4  # around the first guess of the pile; also not background
 OBJECT_MARGIN_PX = 3  # around other objects, to include their blurred edges
-BORDER_SHARE = 0.02  # width of the border that shows no pile, over that of the picture
+BORDER_FRACTION = (
+    0.02  # width of the border that shows no pile, over that of the picture
+)
 BRIGHTNESS_WEIGHT = 0.5  # of the brightness, relative to the colours
 
 # Shapes of the parts that differ from the background
-LOWEST_BASE_SHARE = 0.97  # lowest row of a part on the plate, over the row of the plate
+LOWEST_BASE_FRACTION = (
+    0.97  # lowest row of a part on the plate, over the row of the plate
+)
 NARROWEST_PILE = 1.2  # width of a pile over its height
 NARROWEST_OBJECT = 2.5  # height of another object, such as a ruler, over its width
-LOWEST_OBJECT_SHARE = 0.15  # height of another object over that of the picture
+LOWEST_OBJECT_FRACTION = 0.15  # height of another object over that of the picture
 
 # Shadows
-SMOOTH_SHARE = 0.5  # largest local scatter of a shadow over that of the pile
-# Largest and smallest darkening by a shadow: the decrease of the logarithm of brightness
+SMOOTH_FRACTION = 0.5  # largest local scatter of a shadow over that of the pile
+# Largest and smallest darkening by a shadow: the decrease of the logarithm of
+# brightness
 SHADOW_DARKEST = 1.6
 SHADOW_LIGHTEST = 0.08
 SHADOW_COLOUR = 22.0  # largest difference between ratios of a shadow and the background
-# Shadows can be told from grains only if more than this share of a pile's area differs
-# in colour from the background.
-SMALLEST_COLOURED_SHARE = 0.3
-# If a larger share of the upper part of a pile looks like shadow, the grains have the
-# colour of the background.
+# Shadows can be told from grains only if more than this fraction of a pile's area
+# differs in colour from the background.
+SMALLEST_COLOURED_FRACTION = 0.3
+# If a larger fraction of the upper part of a pile looks like shadow, the grains have
+# the colour of the background.
 LARGEST_UPPER_SHADOW = 0.12
-# A patch of shadow contains a square with at least this side, and at least the height of
-# the picture divided by `PATCHES_IN_HEIGHT`.
+# A patch of shadow contains a square with at least this side, and at least the height
+# of the picture divided by `PATCHES_IN_HEIGHT`.
 SMALLEST_PATCH_PX = 5
 PATCHES_IN_HEIGHT = 30
 COMPARED_PX = 1200  # approximate longer side of the picture searched for shadows
@@ -84,19 +91,20 @@ REACH_ROUGH_GRAINS = 1.0  # the same for roughness, which is blurred over a grai
 SMALLEST_REACH_PX = 4
 # Radius of the neighbourhood from which the colours of both sides are taken
 NEIGHBOURHOOD_GRAINS = 0.25
-# A pixel changes sides if the other side makes up at least this share of its colour.
-CERTAIN_SHARE = 0.75
+# A pixel changes sides if the other side makes up at least this fraction of its colour.
+CERTAIN_FRACTION = 0.75
 LIGHT_PX = 2  # distance over which light may move the boundary, in pixels
 TONE_CURVE = 2.2  # exponent that converts tones to light
 LARGEST_TONE = 255
-PENUMBRA_SHARE = 0.6  # smallest share of the background's ratios in a penumbra
+PENUMBRA_FRACTION = 0.6  # smallest fraction of the background's ratios in a penumbra
 PENUMBRA_HEIGHT_GRAINS = 0.2
 PENUMBRA_WIDTH_GRAINS = 0.8
 NECK_GRAINS = 0.3  # half the width of the neck between a loose grain and the pile
 GAP_GRAINS = 0.4  # a part with more background below it does not stand on the plate
 # A smaller difference of features may also come from texture and noise.
 FAINT_DIFFERENCE = 10.0
-# Smallest squared distances between the values of both sides, to avoid divisions by zero
+# Smallest squared distances between the values of both sides, to avoid divisions by
+# zero
 SMALLEST_SPAN = 1e-9
 SMALLEST_RATIO_SPAN = 1e-6
 
@@ -121,7 +129,9 @@ class RefinedPile(NamedTuple):
     """The pile in a fine view."""
 
     pile: Segmentation
-    faint_share: float  # share of the upper boundary where the sides hardly differ
+    faint_fraction: (
+        float  # fraction of the upper boundary where the sides hardly differ
+    )
 
 
 class _Guess(NamedTuple):
@@ -189,8 +199,8 @@ def find_pile(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, b
 def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
     """Make the marks (H, W) with which GrabCut begins in a coarse view.
 
-    Hidden pixels, other objects, and the picture's border outside the pile are certainly
-    background. All other pixels are probably pile or probably background.
+    Hidden pixels, other objects, and the picture's border outside the pile are
+    certainly background. All other pixels are probably pile or probably background.
 
     Parameters
     ----------
@@ -207,7 +217,7 @@ def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
     marks = np.where(guess.pile, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     # The border lies on both sides and at the top. It leaves out the bottom, where the
     # pile stands.
-    width = max(2, round(BORDER_SHARE * guess.pile.shape[1]))
+    width = max(2, round(BORDER_FRACTION * guess.pile.shape[1]))
     is_border = np.ones(guess.pile.shape, bool)
     is_border[width:, width:-width] = False
     marks[is_border & ~guess.pile] = cv2.GC_BGD
@@ -234,7 +244,7 @@ def refine_pile(
     Returns
     -------
     RefinedPile
-        The pile, and the share of its upper boundary that is faint.
+        The pile, and the fraction of its upper boundary that is faint.
 
     Raises
     ------
@@ -260,7 +270,8 @@ def refine_pile(
         mask = _remove_penumbra(mask, features, grain_px)
     mask = _keep_largest_part(mask)
 
-    # Move the boundary according to the features, and then more finely according to light.
+    # Move the boundary according to the features, and then more finely according to
+    # light.
     is_free = _mark_free_pixels(marks, hidden, reach)
     near_px = NEIGHBOURHOOD_GRAINS * grain_px
     _, mask = _move_boundary(
@@ -269,7 +280,7 @@ def refine_pile(
         is_free,
         neighbourhood_px=near_px,
         reach_px=near_px,
-        certain_share=CERTAIN_SHARE,
+        certain_fraction=CERTAIN_FRACTION,
     )
     light = features if by_roughness else _compute_light(view, n_rows)
     share, mask = _move_boundary(
@@ -281,7 +292,7 @@ def refine_pile(
 
     grey = cv2.cvtColor(view.image[:n_rows], cv2.COLOR_BGR2GRAY)
     is_background = (mask == 0) & ~hidden
-    # On the boundary, a pixel shows equal shares of pile and background.
+    # On the boundary, a pixel shows equal fractions of pile and background.
     pile = Segmentation(
         grey=grey,
         contrast=share,
@@ -291,7 +302,7 @@ def refine_pile(
         is_darker=bool(grey[mask > 0].mean() < grey[is_background].mean()),
     )
     weights = np.ones(3, np.float32) if by_roughness else FULL_BRIGHTNESS
-    return RefinedPile(pile, _compute_faint_share(features, mask, near_px, weights))
+    return RefinedPile(pile, _compute_faint_fraction(features, mask, near_px, weights))
 
 
 def _make_fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.ndarray:
@@ -347,10 +358,10 @@ def _mark_free_pixels(marks: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
     return is_uncertain & ~is_near_hidden
 
 
-def _compute_faint_share(
+def _compute_faint_fraction(
     colours: np.ndarray, mask: np.ndarray, near_px: float, weights: np.ndarray
 ) -> float:
-    """Compute the share of the upper boundary along which both sides hardly differ.
+    """Compute the fraction of the upper boundary along which both sides hardly differ.
 
     Parameters
     ----------
@@ -366,7 +377,7 @@ def _compute_faint_share(
     Returns
     -------
     float
-        The share, from 0 to 1.
+        The fraction, from 0 to 1.
     """
     # Compare both sides at the highest pixel of each column.
     pile, background = _average_sides(colours, mask, near_px)
@@ -381,8 +392,8 @@ def _compute_light(view: SideView, n_rows: int) -> np.ndarray:
     """Compute how much light reached each pixel of the camera above the plate.
 
     In a pixel on the boundary, the camera adds the light from both sides, and only then
-    converts the sum to a tone. So the shares of both sides follow from the light, and not
-    from the tone.
+    converts the sum to a tone. So the fractions of both sides follow from the light,
+    and not from the tone.
 
     Parameters
     ----------
@@ -408,13 +419,13 @@ def _move_boundary(
     *,
     neighbourhood_px: float,
     reach_px: float,
-    certain_share: float = 0.5,
+    certain_fraction: float = 0.5,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Move the boundary of a mask to where pile and background have equal shares.
+    """Move the boundary of a mask to where pile and background have equal fractions.
 
     A pixel on the boundary shows some of the pile and some of the background, and its
-    value is a mixture of both. The share of the pile in it is 0 at the local mean value
-    of the background, and 1 at the local mean value of the pile.
+    value is a mixture of both. The fraction of the pile in it is 0 at the local mean
+    value of the background, and 1 at the local mean value of the pile.
 
     Parameters
     ----------
@@ -428,10 +439,10 @@ def _move_boundary(
         Radius in pixels over which the local means are taken.
     reach_px : float
         Distance from the boundary in pixels within which a pixel may change.
-    certain_share : float
-        A pixel changes sides if at least this share of it belongs to the other side. If
-        the share is above 0.5, a pixel that resembles neither side, such as one of a
-        shaded grain, stays on its side.
+    certain_fraction : float
+        A pixel changes sides if at least this fraction of it belongs to the other side.
+        If the fraction is above 0.5, a pixel that resembles neither side, such as one
+        of a shaded grain, stays on its side.
 
     Returns
     -------
@@ -448,8 +459,8 @@ def _move_boundary(
         pile, background = _average_sides(values, mask, neighbourhood_px)
         position, _ = _project_onto_span(values, pile, background, SMALLEST_SPAN)
         share = np.clip(position, 0, 1)
-        is_pile = may_change & (share >= certain_share)
-        is_background = may_change & (share < 1 - certain_share)
+        is_pile = may_change & (share >= certain_fraction)
+        is_background = may_change & (share < 1 - certain_fraction)
         moved_mask = np.where(is_background, 0, mask)
         moved_mask = np.where(is_pile, 1, moved_mask)
         mask = _keep_largest_part(moved_mask.astype(np.uint8))
@@ -471,8 +482,8 @@ def _project_onto_span(
     pile, background : ndarray
         Mean values (H, W, N) of the two sides near each pixel.
     smallest_squared_span : float
-        Lower limit of the squared distance between the two means, which avoids a division
-        by zero.
+        Lower limit of the squared distance between the two means, which avoids a
+        division by zero.
 
     Returns
     -------
@@ -516,16 +527,16 @@ def _remove_penumbra(
     pile = _average_locally(features, core, 2 * grain_px)
     background = _average_locally(features, surroundings, 2 * grain_px)
 
-    # Estimate the share of the pile in each pixel from the ratios of the colours, which
-    # are the first two features.
-    pile_share, squared_span = _project_onto_span(
+    # Estimate the fraction of the pile in each pixel from the ratios of the colours,
+    # which are the first two features.
+    pile_fraction, squared_span = _project_onto_span(
         features[..., :2], pile[..., :2], background[..., :2], SMALLEST_RATIO_SPAN
     )
 
     # Find pixels of the boundary that have the background's ratios.
     is_boundary = (mask > 0) & (core == 0)
     has_contrast = squared_span > SHADOW_COLOUR**2
-    has_background_ratios = pile_share < 1 - PENUMBRA_SHARE
+    has_background_ratios = pile_fraction < 1 - PENUMBRA_FRACTION
     # The ratios do not reveal black grains, but these are darker than a shadow.
     darkening = background[..., 2] - features[..., 2]
     is_light_enough = darkening < BRIGHTNESS_GAIN * SHADOW_DARKEST
@@ -575,11 +586,11 @@ def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
     return comparison.step * n_shadow_rows
 
 
-def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
-    """Compute the share of a pile's area that consists of patches of shadow.
+def compute_shadow_fraction(image: np.ndarray, mask: np.ndarray) -> float:
+    """Compute the fraction of a pile's area that consists of patches of shadow.
 
-    The share is 0 if the grains have the background's colour, because then they cannot be
-    told from a shadow.
+    The fraction is 0 if the grains have the background's colour, because then they
+    cannot be told from a shadow.
 
     Parameters
     ----------
@@ -591,7 +602,7 @@ def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
     Returns
     -------
     float
-        The share, from 0 to 1.
+        The fraction, from 0 to 1.
     """
     comparison = _compare_with_sides(image, mask)
     pile = comparison.mask
@@ -600,7 +611,7 @@ def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
     area = pile.sum(dtype=int)
     has_colour = np.hypot(difference[..., 0], difference[..., 1]) >= SHADOW_COLOUR
     coloured_area = ((pile > 0) & has_colour).sum()
-    if coloured_area <= SMALLEST_COLOURED_SHARE * area:
+    if coloured_area <= SMALLEST_COLOURED_FRACTION * area:
         return 0.0
     # Dark spots that are smaller than a patch are gaps between grains.
     patch_size = max(SMALLEST_PATCH_PX, len(pile) // PATCHES_IN_HEIGHT)
@@ -672,8 +683,8 @@ def _compute_view_features(
     n_rows : int
         Number of rows above the plate.
     grain_px : float or None
-        Height of a grain in pixels if roughness takes the place of brightness, otherwise
-        None.
+        Height of a grain in pixels if roughness takes the place of brightness,
+        otherwise None.
     pile : ndarray, optional
         Mask (n_rows, W) of the pile, if it is known. It is used only for the roughness.
 
@@ -698,9 +709,9 @@ def _compute_roughness(
     """Compute the roughness of a picture as a feature of its pixels.
 
     Roughness measures how much the brightness changes in the direction in which it
-    changes least (Shi and Tomasi 1994). It is zero at a straight edge, such as that of a
-    table. The roughness of the background in the same row is subtracted, and the result
-    is scaled by the scatter of the background.
+    changes least (Shi and Tomasi 1994). It is zero at a straight edge, such as that of
+    a table. The roughness of the background in the same row is subtracted, and the
+    result is scaled by the scatter of the background.
 
     Parameters
     ----------
@@ -734,7 +745,7 @@ def _compute_roughness(
         not_background = hidden | (cv2.dilate(pile, _make_disc(radius)) > 0)
     background = np.nanquantile(
         _hide_excluded(raw_roughness, not_background),
-        SIDE_SHARE,
+        SIDE_FRACTION,
         axis=1,
         keepdims=True,
     )
@@ -804,8 +815,8 @@ def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     """Estimate the features of the background by a line along each row of a picture.
 
     The first estimate is the median over the outer parts of the row. A line is then
-    fitted `N_BACKGROUND_FITS` times, each time to the pixels whose features are close to
-    the previous estimate.
+    fitted `N_BACKGROUND_FITS` times, each time to the pixels whose features are close
+    to the previous estimate.
 
     Parameters
     ----------
@@ -822,7 +833,7 @@ def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     width = excluded.shape[1]
     is_allowed = ~excluded[..., None]
     x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
-    is_outer = (np.abs(x) > 1 - 2 * SIDE_SHARE) & is_allowed
+    is_outer = (np.abs(x) > 1 - 2 * SIDE_FRACTION) & is_allowed
     # If all outer pixels of a row are excluded, use the median of all its pixels.
     has_no_outer = ~is_outer.any(axis=1, keepdims=True)
     outer = np.where(is_outer | has_no_outer, features, np.nan)
@@ -832,7 +843,7 @@ def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
         is_kept = (distance < LARGEST_TEXTURE) & is_allowed
         line, n_kept = _fit_lines(x, features, is_kept.astype(np.float32))
         # Keep the previous estimate of a row if too few of its pixels are close to it.
-        has_few = n_kept < FEWEST_NEAR_SHARE * width
+        has_few = n_kept < MIN_NEAR_FRACTION * width
         background = np.where(has_few, background, line).astype(np.float32)
     return background
 
@@ -895,7 +906,8 @@ def _guess_pile(
 ) -> _Guess:
     """Guess where the pile is, from the difference between picture and background.
 
-    The pile is the largest part that stands on the plate and is clearly wider than high.
+    The pile is the largest part that stands on the plate and is clearly wider than
+    high.
 
     Parameters
     ----------
@@ -923,8 +935,8 @@ def _guess_pile(
         1,
         cv2.THRESH_BINARY | cv2.THRESH_OTSU,
     )
-    # If no pile is found, try lower levels. The foot of the pile is found only at a lower
-    # level if the plate resembles the grains more than the wall does.
+    # If no pile is found, try lower levels. The foot of the pile is found only at a
+    # lower level if the plate resembles the grains more than the wall does.
     for level in (otsu_level, otsu_level / 2, otsu_level / 4):
         if level < SMALLEST_LEVEL:
             break
@@ -976,14 +988,14 @@ def _find_standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarra
     Parameters
     ----------
     mask : ndarray
-        Mask (H, W), uint8, of everything that differs from the background. The plate lies
-        below its last row.
+        Mask (H, W), uint8, of everything that differs from the background. The plate
+        lies below its last row.
 
     Returns
     -------
     pile : ndarray or None
-        Mask (H, W) of the largest part that stands on the plate and is clearly wider than
-        high; None if there is none.
+        Mask (H, W) of the largest part that stands on the plate and is clearly wider
+        than high; None if there is none.
     others : ndarray
         Mask (H, W) of all parts that are much higher than wide.
     """
@@ -993,10 +1005,10 @@ def _find_standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarra
     _, tops, widths, heights, areas = boxes.T
 
     n_rows = len(mask)
-    is_on_plate = tops + heights >= LOWEST_BASE_SHARE * n_rows
+    is_on_plate = tops + heights >= LOWEST_BASE_FRACTION * n_rows
     may_be_pile = is_on_plate & (widths > NARROWEST_PILE * heights)
     is_narrow = heights > NARROWEST_OBJECT * widths
-    is_object = is_narrow & (heights > LOWEST_OBJECT_SHARE * n_rows)
+    is_object = is_narrow & (heights > LOWEST_OBJECT_FRACTION * n_rows)
     # Part 0 is the background.
     may_be_pile[0] = False
     is_object[0] = False
@@ -1063,7 +1075,7 @@ def _remove_shadow(
     ndarray
         Mask (H, W) of the pile without the shadow.
     """
-    is_smooth = scatter < SMOOTH_SHARE * np.median(scatter[mask > 0])
+    is_smooth = scatter < SMOOTH_FRACTION * np.median(scatter[mask > 0])
     is_shadow = _mark_shadow(mask, difference) & is_smooth
     without_specks = cv2.morphologyEx(
         is_shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
@@ -1074,9 +1086,9 @@ def _remove_shadow(
 def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     """Mark the pixels of a pile that look like a shadow on the background.
 
-    Such pixels have the background's colour but are darker. A shadow lies at the foot. If
-    there are also many such pixels in the upper part of the pile, the grains have the
-    background's colour, and no pixel is marked.
+    Such pixels have the background's colour but are darker. A shadow lies at the foot.
+    If there are also many such pixels in the upper part of the pile, the grains have
+    the background's colour, and no pixel is marked.
 
     Parameters
     ----------
@@ -1143,16 +1155,16 @@ def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
     """Remove parts with background below them, such as a loose grain behind the pile.
 
     The foot of the pile is the lowest row that is at least half as wide as the widest
-    row. It is not the row of the plate, because the outlines of round grains end a little
-    above the plate.
+    row. It is not the row of the plate, because the outlines of round grains end a
+    little above the plate.
 
     Parameters
     ----------
     mask : ndarray
         Mask (H, W) of the pile.
     gap_px : float
-        A pixel is removed if more than this number of pixels below it, down to the foot,
-        are background.
+        A pixel is removed if more than this number of pixels below it, down to the
+        foot, are background.
 
     Returns
     -------
@@ -1173,7 +1185,8 @@ def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
 def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     """Remove loose grains that touch the foot of a pile.
 
-    Such grains are low parts of the mask, connected with the rest only by a narrow neck.
+    Such grains are low parts of the mask, connected with the rest only by a narrow
+    neck.
 
     Parameters
     ----------
@@ -1190,8 +1203,8 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     if radius < 1:
         return mask
 
-    # Erode the mask by the radius, so that it breaks apart at its necks. First extend it
-    # below the plate, because its lower edge is not a boundary of the pile.
+    # Erode the mask by the radius, so that it breaks apart at its necks. First extend
+    # it below the plate, because its lower edge is not a boundary of the pile.
     extended = cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE)
     core = cv2.erode(extended, _make_disc(radius))[: len(mask)]
     n_labels, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
@@ -1208,8 +1221,8 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     part_of_pixel[nearest_pixel[core > 0]] = labels[core > 0]
     nearest_part = part_of_pixel[nearest_pixel]
 
-    # Parts whose top is below the mean row of the pile are loose. The background and the
-    # largest part are never loose.
+    # Parts whose top is below the mean row of the pile are loose. The background and
+    # the largest part are never loose.
     middle = np.flatnonzero(mask.any(axis=1)).mean()
     is_loose = boxes[:, cv2.CC_STAT_TOP] > middle
     largest = 1 + int(boxes[1:, cv2.CC_STAT_AREA].argmax())

@@ -78,12 +78,12 @@ def remove_perspective(
     )
 
     # A redrawn pixel belongs to the pile if the pile fills at least half of it.
-    pile_share = source.redraw(pile.mask.astype(np.float32))
-    is_pile = pile_share >= 0.5
+    pile_fraction = source.redraw(pile.mask.astype(np.float32))
+    is_pile = pile_fraction >= 0.5
     if tan_down > 0:
         # Below the widest row of the foot, the outline is the underside of the grains,
-        # and the model of a cone would make the foot too wide. Its true width is that in
-        # the old view, so keep only the columns of the old pile.
+        # and the model of a cone would make the foot too wide. Its true width is that
+        # in the old view, so keep only the columns of the old pile.
         is_pile &= _find_columns_of_pile(pile)
     redrawn_pile = replace(
         pile,
@@ -99,10 +99,10 @@ def _compute_outline_turn_sines(
 ) -> np.ndarray:
     """Compute how far the outline of a cone is turned out of the plane of the side view.
 
-    Each side of the outline is a line from the apex to the foot. If the camera looks down
-    on the cone, this line lies behind the plane of the side view: it is turned about the
-    cone's axis, away from the camera. The sine of the turn is tan(look down) / tan(angle
-    of the cone). This is exact at any distance.
+    Each side of the outline is a line from the apex to the foot. If the camera looks
+    down on the cone, this line lies behind the plane of the side view: it is turned
+    about the cone's axis, away from the camera. The sine of the turn is tan(look down)
+    / tan(angle of the cone). This is exact at any distance.
 
     Parameters
     ----------
@@ -114,7 +114,8 @@ def _compute_outline_turn_sines(
     Returns
     -------
     ndarray, (2,)
-        Sines of the turns of the left and the right side; negative if the camera looks up.
+        Sines of the turns of the left and the right side; negative if the camera looks
+        up.
     """
     tan_seen = np.tan(np.radians(angles_deg))
     tan_cone = np.hypot(tan_seen, tan_down)
@@ -130,8 +131,8 @@ def _find_source_pixels(
     """Find the pixels of the old view that a new view of the same shape shows.
 
     A pixel of the new view shows a point in the turned plane that contains this side of
-    the outline. The ray from the camera to this point meets the plane of the old view at
-    the source pixel.
+    the outline. The ray from the camera to this point meets the plane of the old view
+    at the source pixel.
 
     Parameters
     ----------
@@ -157,7 +158,8 @@ def _find_source_pixels(
     sine = np.where(axis_offset > 0, right_sine, left_sine)
 
     # A point behind the plane of the old view appears closer to the point opposite the
-    # camera than a point in this plane does. The depth is negative in front of the plane.
+    # camera than a point in this plane does. The depth is negative in front of the
+    # plane.
     depth = np.abs(axis_offset) * sine
     reduction = viewpoint.distance_px / (viewpoint.distance_px + depth)
     column = viewpoint.axis_px + axis_offset * np.sqrt(1 - sine**2) * reduction

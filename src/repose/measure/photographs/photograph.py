@@ -1,8 +1,8 @@
 """Measure or refuse photographs of repeated piles.
 
-The printed sheet (`repose.measure.photographs.sheet`) gives the scale, the tilt, the lens
-and the plate. Without it, the photograph must be level and free of distortion, and the
-background must be plain. If no length is known either, only angles are measured.
+The printed sheet (`repose.measure.photographs.sheet`) gives the scale, the tilt, the
+lens and the plate. Without it, the photograph must be level and free of distortion, and
+the background must be plain. If no length is known either, only angles are measured.
 """
 
 import math
@@ -43,17 +43,17 @@ LARGEST_LEVEL_DEG = 25.0
 LARGEST_PX = 4000  # of a photograph; a larger one is reduced
 COARSE_PX = 700  # of the view in which a pile is found
 FINE_PX = 1200  # of the view in which its boundary is found
-# Largest height of a grain in a view in which roughness is measured. The inside of a larger
-# grain would look smooth.
+# Largest height of a grain in a view in which roughness is measured. The inside of a
+# larger grain would look smooth.
 LARGEST_ROUGH_GRAIN_PX = 8
 
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides of a pile
-LARGEST_FAINT_SHARE = 0.2  # of the upper boundary
+LARGEST_FAINT_FRACTION = 0.2  # of the upper boundary
 SIDE_MARGIN = 1.3  # half the width of the fine view over the pile's
 TOP_MARGIN = 1.6  # height of the fine view over the pile's
 # Largest number of hidden pixels next to the pile, over the number of rows. A few are
 # allowed, because the boundary of the pile is noisy.
-LARGEST_HIDDEN_SHARE = 0.03
+LARGEST_HIDDEN_FRACTION = 0.03
 
 NO_SHEET_REASON = (
     "the printed sheet is not seen; without one the scale is given by --mm-per-pixel "
@@ -67,8 +67,8 @@ NO_LENGTH_NOTE = (
 EXIF_CAMERA = 0x8769
 EXIF_FOCAL_LENGTH_35MM = 0xA405
 FILM_WIDTH_MM = 36
-# Hardly any lens lies outside these limits. A camera may write 0 if it does not know the
-# focal length.
+# Hardly any lens lies outside these limits. A camera may write 0 if it does not know
+# the focal length.
 PLAUSIBLE_FOCALS_MM = (5, 1000)
 
 Paths = Sequence[Path]
@@ -82,8 +82,8 @@ class Scale:
     Attributes
     ----------
     square_mm : float
-        Side of a square of the printed sheet. For a photograph that shows the sheet, the
-        other fields are not used.
+        Side of a square of the printed sheet. For a photograph that shows the sheet,
+        the other fields are not used.
     mm_per_pixel : float, optional
         Scale of a photograph without the sheet; None if the user gives none.
     base_row : float, optional
@@ -192,7 +192,8 @@ def read_photograph(path: Path) -> tuple[np.ndarray, float]:
     Returns
     -------
     tuple
-        The photograph (H, W, 3), BGR, and the factor by which it was reduced, at least 1.
+        The photograph (H, W, 3), BGR, and the factor by which it was reduced, at least
+        1.
     """
     image = read_image(path)
     reduction = max(1.0, max(image.shape[:2]) / LARGEST_PX)
@@ -360,8 +361,8 @@ def _measure_with_sheet(
 ) -> Photograph:
     """Measure a photograph that shows the sheet.
 
-    The pile is found by its colour. If the background has nearly the same colours, it is
-    found by its roughness instead. The latter result is used only if it is free of
+    The pile is found by its colour. If the background has nearly the same colours, it
+    is found by its roughness instead. The latter result is used only if it is free of
     doubts.
 
     Parameters
@@ -417,8 +418,8 @@ def _measure_in_pose(
     Parameters
     ----------
     photograph : Photograph
-        The photograph. Its attributes are set step by step, so that after a NoFlankError
-        they contain everything that was found before.
+        The photograph. Its attributes are set step by step, so that after a
+        NoFlankError they contain everything that was found before.
     pose : Pose
         Position and direction of its camera.
     settings : MeasureSettings
@@ -455,7 +456,7 @@ def _measure_in_pose(
     photograph.geometry["mm_per_pixel"] = fine.mm_per_pixel
     fine_mask = _transfer_mask(coarse_mask, coarse, fine, location.crest_mm)
     grain_px = grain_mm / fine.mm_per_pixel
-    pile, faint_share = finding.refine_pile(fine, fine_mask, grain_px, by_roughness)
+    pile, faint_fraction = finding.refine_pile(fine, fine_mask, grain_px, by_roughness)
     photograph.pile = pile
     _require_camera_at_crest(look_down_deg)
     _require_complete(pile.mask, fine.hidden)
@@ -469,7 +470,7 @@ def _measure_in_pose(
     # Measure the pile, and look for signs that it is not a single pile.
     measurement = _measure_view(photograph, settings)
     doubts = list_doubts_of_pile(pile, measurement, grain_mm, fine.mm_per_pixel)
-    doubts += _list_doubts_of_boundary(faint_share)
+    doubts += _list_doubts_of_boundary(faint_fraction)
     photograph.measurement = measurement
     photograph.doubts = doubts
 
@@ -487,34 +488,34 @@ def _require_camera_at_crest(look_down_deg: float) -> None:
         )
 
 
-def _list_doubts_of_boundary(faint_share: float) -> list[str]:
+def _list_doubts_of_boundary(faint_fraction: float) -> list[str]:
     """List the doubts about a boundary at which pile and background look alike.
 
     Parameters
     ----------
-    faint_share : float
+    faint_fraction : float
         Share of the upper boundary at which both sides hardly differ.
 
     Returns
     -------
     list of str
-        One sentence; the list is empty if the share is small.
+        One sentence; the list is empty if the fraction is small.
 
     Raises
     ------
     NotPlainError
-        If the share is too large for a measurement.
+        If the fraction is too large for a measurement.
     """
-    if faint_share > LARGEST_FAINT_SHARE:
+    if faint_fraction > LARGEST_FAINT_FRACTION:
         raise finding.NotPlainError(
             "the pile hardly differs from its background along its boundary: the "
             "background is not plain"
         )
-    if faint_share <= LARGEST_FAINT_SHARE / 2:
+    if faint_fraction <= LARGEST_FAINT_FRACTION / 2:
         return []
     return [
         f"{DOUBT}: the pile hardly differs from its background along "
-        f"{100 * faint_share:.0f} % of its boundary"
+        f"{100 * faint_fraction:.0f} % of its boundary"
     ]
 
 
@@ -598,8 +599,8 @@ def _draw_fine_view(
         Crest, height and width of the pile.
     grain_mm : float or None
         Height of a grain, if roughness will be measured in the view. The view is then
-        made so coarse that a grain is at most `LARGEST_ROUGH_GRAIN_PX` pixels high. If it
-        is None, the view is as fine as `FINE_PX` allows.
+        made so coarse that a grain is at most `LARGEST_ROUGH_GRAIN_PX` pixels high. If
+        it is None, the view is as fine as `FINE_PX` allows.
 
     Returns
     -------
@@ -662,8 +663,8 @@ def _transfer_mask(
         The view of the sheet's plane. Its `left_mm` is counted from the sheet's left
         edge.
     fine : SideView
-        The view of the plane through the pile's axis. Its `left_mm` is counted from this
-        axis.
+        The view of the plane through the pile's axis. Its `left_mm` is counted from
+        this axis.
     axis_mm : float
         Distance of the axis from the sheet's left edge, positive to the right.
 
@@ -694,7 +695,7 @@ def _require_complete(mask: np.ndarray, hidden: np.ndarray) -> None:
     grown = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
     n_hidden = (grown & hidden[: len(mask)]).sum()
     touches_border = mask[:, :2].any() or mask[:, -2:].any()
-    if n_hidden > LARGEST_HIDDEN_SHARE * len(mask) or touches_border:
+    if n_hidden > LARGEST_HIDDEN_FRACTION * len(mask) or touches_border:
         raise NoFlankError(
             "the pile runs out of the picture, or the sheet hides a part of it"
         )
@@ -723,8 +724,8 @@ def measure_without_sheet(
     image, reduction = read_photograph(path)
     rows, columns = image.shape[:2]
     original_size = (round(columns * reduction), round(rows * reduction))
-    # The user gives the row of the plate in the original photograph. Convert it to a row
-    # of the reduced picture, and then to a row of the level picture.
+    # The user gives the row of the plate in the original photograph. Convert it to a
+    # row of the reduced picture, and then to a row of the level picture.
     reduced_row = None if scale.base_row is None else scale.base_row / reduction
     level_image, level_row = _level_photograph(image, scale.level_deg, reduced_row)
 
@@ -852,8 +853,8 @@ def _level_photograph(
     )
     if base_row is None:
         return level_image, None
-    # The plate is parallel to the line. So its distance from the middle of the picture is
-    # the distance along the middle column, times the cosine of the slope.
+    # The plate is parallel to the line. So its distance from the middle of the picture
+    # is the distance along the middle column, times the cosine of the slope.
     distance = base_row - middle_row
     level_row = middle_row + distance * math.cos(math.radians(level_deg))
     return level_image, level_row

@@ -19,15 +19,16 @@ cv2.setNumThreads(1)
 
 MIN_SIDE_PX = 20  # smallest height and width of a picture
 MIN_PEAK = 8  # smallest contrast, in tones, that a pile must reach somewhere
-BORDER_SHARE = 0.03  # width of the border strip over the picture's shorter side
-SECOND_PILE_SHARE = 0.4  # height of a second pile over that of the largest part
+BORDER_FRACTION = 0.03  # width of the border strip over the picture's shorter side
+SECOND_PILE_FRACTION = 0.4  # height of a second pile over that of the largest part
 # Height of a pile's centroid over the height of the pile; it is 0.5 for a rectangle
 HIGHEST_CENTROID = 0.55
 SMALLEST_PART = 0.01  # area of a part of the pile over that of the largest part
-PLATE_SHARE = 0.97  # smallest share of a row that a plate covers
-# `ROWS_ABOVE_PLATE` rows above the plate, less than this share of the row is covered.
+PLATE_FRACTION = 0.97  # smallest fraction of a row that a plate covers
+# `ROWS_ABOVE_PLATE` rows above the plate, less than this fraction of the row is
+# covered.
 ROWS_ABOVE_PLATE = 4
-SHARE_ABOVE_PLATE = 0.9
+FRACTION_ABOVE_PLATE = 0.9
 # Largest difference between the lowest rows of a second pile and of the largest part,
 # over the height of the largest part
 LARGEST_BASE_DIFFERENCE = 0.1
@@ -38,7 +39,8 @@ EDGE_COLUMNS = 3  # a plate reaches into these columns at both sides of the pict
 N_BACKGROUND_FITS = 4
 OUTLIER_DEVIATIONS = 3.0  # distance of an outlier, in standard deviations
 SMALLEST_OUTLIER_TONES = 2.0  # a pixel closer to the background is never an outlier
-# Standard deviation over the median of the absolute deviations, in a normal distribution
+# Standard deviation over the median of the absolute deviations, in a normal
+# distribution
 SD_OVER_MEDIAN_DEVIATION = 1.4826
 
 
@@ -66,9 +68,9 @@ def segment(
     """Split a picture into pile and background.
 
     The upper edge of the picture and both sides must show background. The pile may be
-    darker or brighter than the background, or have another colour. A pixel belongs to the
-    pile if it differs from the background by more than Otsu's threshold. Holes in the
-    pile, such as highlights, are filled.
+    darker or brighter than the background, or have another colour. A pixel belongs to
+    the pile if it differs from the background by more than Otsu's threshold. Holes in
+    the pile, such as highlights, are filled.
 
     The picture is smoothed first. The background may vary smoothly over the picture, as
     it does in uneven light. A picture with only two tones, such as a silhouette, is not
@@ -227,7 +229,8 @@ def prepare_picture(image: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray
-        The picture. If its three channels are equal, it is grey and has the shape (H, W).
+        The picture. If its three channels are equal, it is grey and has the shape (H,
+        W).
 
     Raises
     ------
@@ -265,7 +268,7 @@ def mark_border(shape: tuple[int, ...]) -> np.ndarray:
     ndarray
         Mask (H, W) of the strip.
     """
-    width = max(2, round(BORDER_SHARE * min(shape)))
+    width = max(2, round(BORDER_FRACTION * min(shape)))
     strip = np.zeros(shape[:2], dtype=bool)
     strip[:width] = True
     strip[:, :width] = True
@@ -401,9 +404,9 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     # OpenCV finds Otsu's level only among the whole numbers up to 255.
     scaled = cv2.convertScaleAbs(contrast, alpha=255.0 / peak)
     _, binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    # If the histogram has a gap, all levels in the gap split the pixels in the same way,
-    # and OpenCV returns the lowest of them. The edge would then lie up to half a pixel too
-    # far out. Use the middle between the means of the two classes instead.
+    # If the histogram has a gap, all levels in the gap split the pixels in the same
+    # way, and OpenCV returns the lowest of them. The edge would then lie up to half a
+    # pixel too far out. Use the middle between the means of the two classes instead.
     lower_mean = cv2.mean(scaled, mask=1 - binary)[0]
     upper_mean = cv2.mean(scaled, mask=binary)[0]
     level = (lower_mean + upper_mean) / 2
@@ -415,8 +418,8 @@ def find_plate_row(mask: np.ndarray) -> float | None:
     """Find the upper edge of a plate that has the tone of the pile.
 
     A plate extends across the mask from border to border, and a few rows above it the
-    mask is clearly narrower. If a pile extends beyond both sides of the picture, its foot
-    is not mistaken for a plate, because the pile becomes narrower only slowly.
+    mask is clearly narrower. If a pile extends beyond both sides of the picture, its
+    foot is not mistaken for a plate, because the pile becomes narrower only slowly.
 
     Parameters
     ----------
@@ -426,18 +429,18 @@ def find_plate_row(mask: np.ndarray) -> float | None:
     Returns
     -------
     float or None
-        The edge between the highest row of the plate and the row above it; None if there
-        is no plate.
+        The edge between the highest row of the plate and the row above it; None if
+        there is no plate.
     """
     covered_share = mask.mean(axis=1)
     reaches_left = mask[:, :EDGE_COLUMNS].any(axis=1)
     reaches_right = mask[:, -EDGE_COLUMNS:].any(axis=1)
-    is_across = reaches_left & reaches_right & (covered_share > PLATE_SHARE)
+    is_across = reaches_left & reaches_right & (covered_share > PLATE_FRACTION)
     if not is_across.any():
         return None
     first_row = int(is_across.argmax())
     row_above = first_row - ROWS_ABOVE_PLATE
-    if row_above < 0 or covered_share[row_above] >= SHARE_ABOVE_PLATE:
+    if row_above < 0 or covered_share[row_above] >= FRACTION_ABOVE_PLATE:
         return None
     return first_row - 0.5
 
@@ -450,8 +453,8 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     mask : ndarray
         Mask (H, W), uint8, of everything that differs from the background.
     largest_only : bool
-        Whether only the largest part counts as the pile. Otherwise, the pile consists of
-        all parts whose area is at least the share `SMALLEST_PART` of the largest.
+        Whether only the largest part counts as the pile. Otherwise, the pile consists
+        of all parts whose area is at least the fraction `SMALLEST_PART` of the largest.
 
     Returns
     -------
@@ -488,7 +491,8 @@ def has_second_pile(mask: np.ndarray) -> bool:
     """Tell whether a second pile stands beside the largest part of a mask.
 
     A part counts as a pile if it stands about as low as the largest part, is wider than
-    high, and has at least the share `SECOND_PILE_SHARE` of the largest part's height.
+    high, and has at least the fraction `SECOND_PILE_FRACTION` of the largest part's
+    height.
 
     Parameters
     ----------
@@ -509,7 +513,7 @@ def has_second_pile(mask: np.ndarray) -> bool:
     bottoms = tops + heights
     base_difference = np.abs(bottoms - bottoms[largest])
     stands_as_low = base_difference <= LARGEST_BASE_DIFFERENCE * heights[largest]
-    is_high = heights >= SECOND_PILE_SHARE * heights[largest]
+    is_high = heights >= SECOND_PILE_FRACTION * heights[largest]
     is_pile = stands_as_low & (widths > heights) & is_high
     # The largest part itself may be one of these piles.
     return bool(is_pile.sum() > 1)
@@ -544,8 +548,8 @@ def require_upright(mask: np.ndarray) -> None:
 def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
     """Find the upper edge of the pile in each column, to a fraction of a pixel.
 
-    The edge is where the contrast, interpolated between the highest pixel of the pile and
-    the pixel above it, equals the level.
+    The edge is where the contrast, interpolated between the highest pixel of the pile
+    and the pixel above it, equals the level.
 
     Parameters
     ----------

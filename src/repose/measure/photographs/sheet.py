@@ -14,7 +14,7 @@ import numpy as np
 SQUARE_MM = 20.0
 COLUMNS = 6
 ROWS = 8
-MARKER_SHARE = 0.75  # side of a marker over the side of a square
+MARKER_FRACTION = 0.75  # side of a marker over the side of a square
 MARGIN_SHARE = 0.5  # width of the white margin over the side of a square
 MIN_CORNERS = 8
 PAGE_MM = (210.0, 297.0)  # A4
@@ -65,13 +65,14 @@ def find_sheet(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners 
     Returns
     -------
     SheetCorners or None
-        The visible corners of squares. None if there are fewer than `MIN_CORNERS`, or if
-        nearly all of them lie on one line.
+        The visible corners of squares. None if there are fewer than `MIN_CORNERS`, or
+        if nearly all of them lie on one line.
     """
     board = _make_board(square_mm)
     parameters = cv2.aruco.CharucoParameters()
-    # With this check, OpenCV would reject the whole board if it mistook a pattern in the
-    # background for a marker. Wrong corners are detected later, from the camera's pose.
+    # With this check, OpenCV would reject the whole board if it mistook a pattern in
+    # the background for a marker. Wrong corners are detected later, from the camera's
+    # pose.
     parameters.checkMarkers = False
     detector = cv2.aruco.CharucoDetector(board, parameters)
     corners, indices = detector.detectBoard(image)[:2]
@@ -193,5 +194,5 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
 def _make_board(square_mm: float) -> cv2.aruco.CharucoBoard:
     """Make OpenCV's model of the chessboard with markers."""
     markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    marker_mm = MARKER_SHARE * square_mm
+    marker_mm = MARKER_FRACTION * square_mm
     return cv2.aruco.CharucoBoard((COLUMNS, ROWS), square_mm, marker_mm, markers)

@@ -36,8 +36,8 @@ class Tables(NamedTuple):
     Attributes
     ----------
     photographs : DataFrame
-        A row for each photograph. A refused photograph has empty cells, and the reason in
-        the column `refused`.
+        A row for each photograph. A refused photograph has empty cells, and the reason
+        in the column `refused`.
     summary : DataFrame
         A row for each measured number, with the columns response (its name), value (the
         mean), sd (the standard deviation) and repetitions (the number of photographs).
@@ -118,9 +118,9 @@ def summarise_columns(
     Returns
     -------
     DataFrame
-        A row for each column with at least one value: response (the name of the column),
-        value (the mean), sd (the standard deviation) and repetitions (the number of
-        values).
+        A row for each column with at least one value: response (the name of the
+        column), value (the mean), sd (the standard deviation) and repetitions (the
+        number of values).
     """
     numbers = photographs[list(columns)].astype(float)
     statistics = numbers.agg(["mean", "std", "count"]).T
@@ -170,8 +170,8 @@ def format_targets(
     """Format the measured responses as targets in the YAML of a configuration.
 
     The range of a target follows from its mean and its standard error
-    (`compute_target_range`). A single pile has no scatter, so its standard deviation and
-    range are null, and a study refuses them until the user fills in values.
+    (`compute_target_range`). A single pile has no scatter, so its standard deviation
+    and range are null, and a study refuses them until the user fills in values.
 
     Parameters
     ----------
@@ -261,8 +261,8 @@ def describe_results(
 ) -> str:
     """Describe the results of photographs, as the command prints them.
 
-    The description consists of a line for each photograph, the means, notes, and what the
-    user should look at next.
+    The description consists of a line for each photograph, the means, notes, and what
+    the user should look at next.
 
     Parameters
     ----------

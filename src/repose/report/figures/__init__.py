@@ -26,8 +26,8 @@ def draw(
     inputs : mapping
         Paths by name of the files that the figure shows.
     out_path : path
-        File of the figure, which ends in .png, .pdf or .svg. Beside a PNG, the figure is
-        also written in the other formats of the section `figures`.
+        File of the figure, which ends in .png, .pdf or .svg. Beside a PNG, the figure
+        is also written in the other formats of the section `figures`.
     config : mapping
         The configuration of the study, or the sections that the figure reads.
     known : dict, optional
@@ -36,8 +36,8 @@ def draw(
     Raises
     ------
     InputError
-        If the name or the ending is unknown, or if an input is missing, unknown or not a
-        file.
+        If the name or the ending is unknown, or if an input is missing, unknown or not
+        a file.
     """
     # These imports are slow, and the list of figures does not need them.
     from repose.config.models import FiguresSettings

@@ -16,17 +16,17 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 # Smallest standard deviation of the drawn curve, as a fraction of the mean.
-SMALLEST_SD_SHARE = 1e-3
+SMALLEST_SD_FRACTION = 1e-3
 # Half the width of a drawn normal curve, in standard deviations.
 CURVE_HALF_WIDTH_SDS = 3.2
 PICTURE_PIXELS = 400  # width of the picture of a grain at the default resolution
-# Upper edge of the text below a picture, as a fraction of the panel's height, and the size
-# of this text
+# Upper edge of the text below a picture, as a fraction of the panel's height, and the
+# size of this text
 DESCRIPTION_Y = -0.04
 DESCRIPTION_FONT_SIZE = 6.5
 N_BINS = 9  # of a histogram
-# Height of a histogram's panel, as a multiple of the highest bar. It leaves room for the
-# numbers above the bars.
+# Height of a histogram's panel, as a multiple of the highest bar. It leaves room for
+# the numbers above the bars.
 PANEL_HEIGHT_FACTOR = 1.35
 
 # Column of the table of sizes, label and colour of each axis of a grain.
@@ -110,7 +110,7 @@ def _draw_histogram(
     mean = values.mean()
     sd = values.std(ddof=1)
     # If all grains are equal, widen the axis and the curve so that they can be seen.
-    shown_sd = max(sd, SMALLEST_SD_SHARE * mean)
+    shown_sd = max(sd, SMALLEST_SD_FRACTION * mean)
     low = min(values.min(), mean - shown_sd)
     high = max(values.max(), mean + shown_sd)
     counts, edges, _ = panel.hist(

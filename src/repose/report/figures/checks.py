@@ -18,7 +18,7 @@ from .registry import Inputs, StudyView
 
 # Distance of each of the two marks of a solution from its tick, to the left or right.
 MARK_OFFSET = 0.12
-ROOM_FOR_NOTE = 0.15  # at the lower edge, as a share of a panel's height
+ROOM_FOR_NOTE = 0.15  # at the lower edge, as a fraction of a panel's height
 ERROR_BAR_STYLE = {"ms": 4.5, "elinewidth": 1, "capsize": 2}
 SIMULATION_STYLE = ERROR_BAR_STYLE | {
     "fmt": "s",
@@ -46,8 +46,8 @@ def draw_validation(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `table4` contains our solutions. `published` contains the published
-        solutions, and may be missing.
+        Paths by name. `table4` contains our solutions. `published` contains the
+        published solutions, and may be missing.
     study : StudyView
         The study.
 
@@ -152,7 +152,8 @@ def _draw_published_and_simulated(
     target : Target
         The target of the response.
     """
-    # Draw published values to the left of a tick, and those simulated here to the right.
+    # Draw published values to the left of a tick, and those simulated here to the
+    # right.
     response = target.response
     x = np.arange(len(table))
     _draw_measurement(panel, table, target)
@@ -232,8 +233,8 @@ def _write_prediction_errors(
     panel : Axes
         The panel to write in.
     predicted, simulated : ndarray
-        Responses (n,) of the solutions. For a solution without a simulated value, or with
-        the value 0, no error is written.
+        Responses (n,) of the solutions. For a solution without a simulated value, or
+        with the value 0, no error is written.
     lowest : ndarray
         Heights (n,) in the panel below which the errors are written.
     """

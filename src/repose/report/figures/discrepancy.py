@@ -19,7 +19,7 @@ DISCREPANCY_COLUMNS = (
     "information_bits",
     "effective_points",
 )
-FEWEST_EFFECTIVE_POINTS = 400  # a row with fewer points is a rough estimate
+MIN_EFFECTIVE_POINTS = 400  # a row with fewer points is a rough estimate
 ROUGH_OPACITY = 0.3  # of the lines through rough estimates
 COLUMNS = 3  # number of panels in a row
 
@@ -47,7 +47,8 @@ def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figur
     stated_rows = table[is_stated]
     shape_study_rows = table[~is_stated]
 
-    # The upper panel shows the information. Below it, there is a panel for each parameter.
+    # The upper panel shows the information. Below it, there is a panel for each
+    # parameter.
     n_rows = math.ceil(len(names) / COLUMNS)
     height_above = 2.3
     height_below = 1.55 * n_rows
@@ -109,7 +110,7 @@ def _draw_information(
         color=style.RED,
         label="spread of the shape study's models",
     )
-    rough_rows = stated_rows[stated_rows["effective_points"] < FEWEST_EFFECTIVE_POINTS]
+    rough_rows = stated_rows[stated_rows["effective_points"] < MIN_EFFECTIVE_POINTS]
     if len(rough_rows):
         panel.plot(
             rough_rows[x],
@@ -117,7 +118,7 @@ def _draw_information(
             "o",
             mfc="white",
             mec=style.GREY,
-            label=f"fewer than {FEWEST_EFFECTIVE_POINTS} effective points, with pale lines",
+            label=f"fewer than {MIN_EFFECTIVE_POINTS} effective points, with pale lines",
         )
     panel.set(
         xlabel="assumed error of the simulator (% of the target)",
@@ -130,7 +131,7 @@ def _draw_information(
 
 def _mask_rough_rows(rows: pd.DataFrame) -> pd.DataFrame:
     """Set rows with too few effective points to NaN, which leaves a gap in a line."""
-    return rows.where(rows["effective_points"] >= FEWEST_EFFECTIVE_POINTS)
+    return rows.where(rows["effective_points"] >= MIN_EFFECTIVE_POINTS)
 
 
 def _draw_intervals(

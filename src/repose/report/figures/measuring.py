@@ -26,13 +26,13 @@ COLOURS = dict(
 LINE_STYLES = dict(
     zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True)
 )
-# Greys in which the silhouette and the background are drawn. In the image, the silhouette
-# is darker than the middle grey.
+# Greys in which the silhouette and the background are drawn. In the image, the
+# silhouette is darker than the middle grey.
 PILE_GREY = 205
 BACKGROUND_GREY = 255
 MIDDLE_GREY = 128
 # Smallest distance between two labels of levels, as a fraction of the pile's height.
-LABEL_DISTANCE_SHARE = 0.11
+LABEL_DISTANCE_FRACTION = 0.11
 HALF_BAR = 0.32  # half the length of the bar at a mean, in distances between rows
 
 
@@ -96,8 +96,8 @@ def _draw_first_view(
     settings : MeasureSettings
         Scale of the picture, and settings of the lines.
     """
-    # Draw the picture in mm, with the crest at x = 0. A whole column number is the centre
-    # of a pixel, so the picture begins half a pixel to the left of column 0.
+    # Draw the picture in mm, with the crest at x = 0. A whole column number is the
+    # centre of a pixel, so the picture begins half a pixel to the left of column 0.
     scale = settings.mm_per_pixel
     height, width = image.shape
     crest_column = measured.top[0]
@@ -186,7 +186,7 @@ def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> No
     for level, name in sorted(levels):
         panel.axhline(level, color=style.GREY, lw=0.6, ls=":", zorder=0.5)
         # Stack the labels of levels that are close together.
-        text_height = max(level, text_height + LABEL_DISTANCE_SHARE * height_mm)
+        text_height = max(level, text_height + LABEL_DISTANCE_FRACTION * height_mm)
         panel.text(
             right, text_height, f" {name}", va="center", fontsize=style.SMALL_TEXT_PT
         )

@@ -33,9 +33,9 @@ def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `runs` has a row for each run. `seeds` contains the standard error
-        and the reachable R2 for each number of seeds, and `noise` the standard deviations
-        of each response.
+        Paths by name. `runs` has a row for each run. `seeds` contains the standard
+        error and the reachable R2 for each number of seeds, and `noise` the standard
+        deviations of each response.
     study : StudyView
         The study.
 

@@ -120,8 +120,8 @@ def _center_outline(profile: np.ndarray, settings: MeasureSettings) -> Outline:
     `profile` contains the heights (W,) of the upper edge in pixels.
     """
     columns = np.arange(profile.size)
-    # The middle is halfway between the outermost columns that are at least half as high as
-    # the pile.
+    # The middle is halfway between the outermost columns that are at least half as high
+    # as the pile.
     high_columns = np.flatnonzero(profile >= 0.5 * profile.max())
     middle = 0.5 * (high_columns[0] + high_columns[-1])
     scale = settings.mm_per_pixel
@@ -254,8 +254,8 @@ def _draw_simulated_slope(
     """Draw the angle of the simulated pile as a line on each flank.
 
     The lines fitted in single views lie at different positions, so their mean slope is
-    drawn through the middle of the mean flank. If the angle could not be measured, nothing
-    is drawn.
+    drawn through the middle of the mean flank. If the angle could not be measured,
+    nothing is drawn.
     """
     if angle_deg is None:
         return
@@ -280,8 +280,8 @@ def _draw_slope(
             flank.place_line(side, angle_deg),
             flank.heights_mm,
             lw=1.2,
-            # Only the line on the right flank gets an entry in the legend, because labels
-            # that begin with an underscore get none.
+            # Only the line on the right flank gets an entry in the legend, because
+            # labels that begin with an underscore get none.
             label=label if side == 1 else f"_{label}",
             **line_style,
         )

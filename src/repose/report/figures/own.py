@@ -19,7 +19,8 @@ from . import panels, plane, posterior, style, surrogate
 BARS_NOTE = "a point is the mean of one parameter set's runs; bars: ± 1 standard error of a mean"
 MAX_BATCH_TICKS = 8
 BATCH_WIDTH = 0.6  # width of the points of a batch, in distances between two batches
-# Key of the note that contains the predictions at the training, validation and test samples
+# Key of the note that contains the predictions at the training, validation and test
+# samples
 ACCURACY_KEY = "accuracy"
 SET_LABEL = "sets predicted inside all ranges"
 
@@ -69,8 +70,9 @@ def plot(
 def list_parts(calibration: Calibration) -> dict[str, FigurePart]:
     """List the figures that a calibration has, by name.
 
-    The planes require at least two targets, the history two batches, and the corner plot
-    two parameters. The accuracy requires a surrogate that was tested on separate samples.
+    The planes require at least two targets, the history two batches, and the corner
+    plot two parameters. The accuracy requires a surrogate that was tested on separate
+    samples.
 
     Parameters
     ----------
@@ -198,8 +200,8 @@ def _draw_samples(
     batch_of_sample : Series
         Number of the batch of each sample, with the index of `samples`.
     """
-    # Spread the samples of a batch evenly over a part of the distance to the next batch.
-    # The share is the position of a sample within this part, from 0 to 1.
+    # Spread the samples of a batch evenly over a part of the distance to the next
+    # batch. The fraction is the position of a sample within this part, from 0 to 1.
     samples_of_batch = samples.groupby(batch_of_sample)["sample"]
     share = (samples_of_batch.cumcount() + 0.5) / samples_of_batch.transform("size")
     x = batch_of_sample + BATCH_WIDTH * (share - 0.5)

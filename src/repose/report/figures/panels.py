@@ -200,8 +200,8 @@ def finish_pair_panels(
     parameters : ParameterSpace
         The parameters of the study.
     margin : float
-        Margin beyond both ends of each axis, as a fraction of the parameter's range along
-        its scale.
+        Margin beyond both ends of each axis, as a fraction of the parameter's range
+        along its scale.
     """
     names = parameters.free
     ends = _compute_axis_ends(parameters, margin)
@@ -235,8 +235,8 @@ def _compute_axis_ends(
     parameters : ParameterSpace
         The parameters of the study.
     margin : float
-        Margin beyond both ends of the range, as a fraction of the range. On a logarithmic
-        scale, it is a fraction of the range of the logarithm.
+        Margin beyond both ends of the range, as a fraction of the range. On a
+        logarithmic scale, it is a fraction of the range of the logarithm.
 
     Returns
     -------

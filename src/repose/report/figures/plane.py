@@ -26,7 +26,7 @@ SAMPLE_STYLES = {
 }
 ROW_HEIGHT = 3.1  # of the panels of a pair, in inches
 # Margin around the data of an enlarged panel, as a fraction of the extent of these data
-ENLARGED_MARGIN_SHARE = 0.12
+ENLARGED_MARGIN_FRACTION = 0.12
 BARS_NOTE = (
     "a point is the mean of one parameter set's piles; bars: ± 1 standard error of a "
     "mean"
@@ -52,9 +52,9 @@ def draw_planes(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. The samples are the rows of `dataset`, `pool` and `fresh` with the
-        status ok. `feasible` contains the solutions. The answer is the row of `table4`
-        with the role `representative`.
+        Paths by name. The samples are the rows of `dataset`, `pool` and `fresh` with
+        the status ok. `feasible` contains the solutions. The answer is the row of
+        `table4` with the role `representative`.
     study : StudyView
         The study.
 
@@ -168,7 +168,7 @@ def _compute_axis_limits(target: Target, answer: pd.Series) -> tuple[float, floa
     known_values = [value for value in shown_values if pd.notna(value)]
     low = min(known_values)
     high = max(known_values)
-    margin = ENLARGED_MARGIN_SHARE * (high - low)
+    margin = ENLARGED_MARGIN_FRACTION * (high - low)
     return low - margin, high + margin
 
 

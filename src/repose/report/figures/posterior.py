@@ -34,8 +34,9 @@ LARGEST_RATIO = 4.0  # of posterior to prior, at the end of the colour scale
 RATIO_COLOURS = "PuOr_r"  # white in the middle
 RATIO_LABEL = "posterior over prior in each cell; white: as before the measurements"
 SEARCH_SETS_LABEL = "solutions of the search"
-# The figure warns if more than this share of the draws lies where samples are sparse.
-EXTRAPOLATED_SHARE = 0.5
+# The figure warns if more than this fraction of the draws lies where samples are
+# sparse.
+EXTRAPOLATED_FRACTION = 0.5
 # Columns with the ends of an interval: of the posterior, of the solutions that the
 # search (MIGA, a multi-island genetic algorithm) found, and of the published solutions.
 CREDIBLE_COLUMNS = ["credible_low", "credible_high"]
@@ -44,13 +45,13 @@ PUBLISHED_COLUMNS = ["published_low", "published_high"]
 COLUMN_NOTE = (
     "width that the measurements leave open; information: one bit halves the range"
 )
-# Upper left corners of the text and of the legend in the figure of pairs, as fractions of
-# the figure's width and height
+# Upper left corners of the text and of the legend in the figure of pairs, as fractions
+# of the figure's width and height
 CORNER_TEXT_PLACE = (0.47, 0.975)
 CORNER_LEGEND_PLACE = (0.63, 0.8)
 INTERVALS_HEIGHT = 3.3  # inches, of the figure of the credible intervals
-# On the x axis, a parameter's range extends from 0 to 1. The panel of the intervals ends
-# at `RIGHT_END`, which leaves space for numbers beside the range.
+# On the x axis, a parameter's range extends from 0 to 1. The panel of the intervals
+# ends at `RIGHT_END`, which leaves space for numbers beside the range.
 RIGHT_END = 1.17
 NUMBERS_X = 1.03  # position of the numbers
 # Height of the bar of the credible interval above the middle of a strip
@@ -106,8 +107,8 @@ def draw_posterior(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. The rows of `draws` are parameter sets, those of `posterior`
-        parameters, and those of `feasible` solutions. `summary` contains the predictions.
-        `published` has a row for each published set, and may be missing.
+        parameters, and those of `feasible` solutions. `summary` contains the
+        predictions. `published` has a row for each published set, and may be missing.
     study : StudyView
         The study.
 
@@ -278,8 +279,8 @@ def _draw_marginal(
     """
     name = row.name
     edges = compute_cell_edges(parameters, name, N_BINS)
-    # All cells have the same width along the scale of the parameter. Weight the draws so
-    # that the histogram shows their density along this scale.
+    # All cells have the same width along the scale of the parameter. Weight the draws
+    # so that the histogram shows their density along this scale.
     width = parameters.coordinates(name, edges[[0, -1]]) @ [-1, 1] / N_BINS
     weight = 1 / (len(values) * width)
     panel.hist(
@@ -319,10 +320,10 @@ def _compute_prior_density(
         The density (201,) at each value.
     """
     index = parameters.free.index(name)
-    share_of_range = np.linspace(0, 1, 201)
-    values = parameters.values_at(name, share_of_range)
+    fraction_of_range = np.linspace(0, 1, 201)
+    values = parameters.values_at(name, fraction_of_range)
     # `prior_cdf` takes all free parameters; only one of its columns is needed.
-    points = np.repeat(share_of_range[:, None], parameters.dimensions, axis=1)
+    points = np.repeat(fraction_of_range[:, None], parameters.dimensions, axis=1)
     # The density is the derivative of the cumulative probability.
     cumulative = parameters.prior_cdf(points)[:, index]
     return values, np.gradient(cumulative, parameters.coordinates(name, values))
@@ -338,7 +339,8 @@ def _draw_ratio(
     panel : Axes
         The panel to draw in.
     x_draws, y_draws : Series
-        The draws of both parameters. The names of the series are those of the parameters.
+        The draws of both parameters. The names of the series are those of the
+        parameters.
     parameters : ParameterSpace
         The parameters of the study.
 
@@ -358,7 +360,8 @@ def _draw_ratio(
         _compute_prior_of_cells(parameters, str(y_draws.name)),
     )
     ratio = counts / counts.sum() / prior
-    # On a logarithmic scale, equal factors above and below 1 are equally far from white.
+    # On a logarithmic scale, equal factors above and below 1 are equally far from
+    # white.
     colours = LogNorm(1 / LARGEST_RATIO, LARGEST_RATIO)
     shown_ratio = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
     return panel.pcolormesh(
@@ -406,9 +409,9 @@ def _compute_prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray
         Probabilities (N_PAIR_CELLS,). They are above 0, so that one can divide by them.
     """
     index = parameters.free.index(name)
-    share_of_range = np.linspace(0, 1, N_PAIR_CELLS + 1)
+    fraction_of_range = np.linspace(0, 1, N_PAIR_CELLS + 1)
     # `prior_cdf` takes all free parameters; only one of its columns is needed.
-    points = np.repeat(share_of_range[:, None], parameters.dimensions, axis=1)
+    points = np.repeat(fraction_of_range[:, None], parameters.dimensions, axis=1)
     probability = np.diff(parameters.prior_cdf(points)[:, index])
     return np.maximum(probability, np.finfo(float).tiny)
 
@@ -468,7 +471,7 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
         f"R-hat ≤ {r_hat:.3f}, effective draws ≥ {n_effective:.0f}",
         "above each histogram: information (1 bit halves the range)",
     ]
-    if summary["thin_share"] > EXTRAPOLATED_SHARE:
+    if summary["thin_share"] > EXTRAPOLATED_FRACTION:
         lines.append("EXTRAPOLATED")
     if not summary["converged"]:
         lines.append("NOT CONVERGED")
@@ -532,7 +535,8 @@ def draw_credible_intervals(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. `posterior` has a row for each parameter, with the ends of its
-        intervals. `feasible` has a row for each solution, of which one may be the answer.
+        intervals. `feasible` has a row for each solution, of which one may be the
+        answer.
     study : StudyView
         The study.
 

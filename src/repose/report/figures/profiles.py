@@ -48,8 +48,8 @@ def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
         responses = [target.response for target in score_targets]
         lines = _compute_answer_lines(profile, responses, answer)
         # All scores have the same standard deviation. Because the functions are
-        # orthonormal, the mean variance of the heights is the sum of the variances of the
-        # scores.
+        # orthonormal, the mean variance of the heights is the sum of the variances of
+        # the scores.
         height_sd = score_targets[0].sd * np.sqrt(profile.functions)
         draw(panel, profile, sd=height_sd, lines=lines)
     style.name_panels(axes)

@@ -1,8 +1,8 @@
 """Draw the region that the measurements do not exclude, by history matching.
 
-The layout is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: one side of
-the diagonal shows the smallest implausibility over all other parameters, and the other
-side shows the optical depth.
+The layout is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: one side
+of the diagonal shows the smallest implausibility over all other parameters, and the
+other side shows the optical depth.
 """
 
 from typing import Literal, NamedTuple
@@ -27,7 +27,7 @@ from .registry import Inputs, StudyView
 
 REGION_COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
 HIGHEST_MISFIT = 1e9  # upper end of the last band
-MOST_INTERVALS = 3  # largest number of intervals between the ticks of an axis
+MAX_INTERVALS = 3  # largest number of intervals between the ticks of an axis
 
 
 class Band(NamedTuple):
@@ -49,14 +49,14 @@ MISFIT_TITLE = (
     "below the diagonal: misfit (standard deviations) at the best values of the other "
     "parameters"
 )
-SHARE_TITLE = "share of a cell's parameter sets still possible"
-# Left edge, lower edge, width and height of the colour bar below the diagonal, as fractions
-# of the figure
+FRACTION_TITLE = "share of a cell's parameter sets still possible"
+# Left edge, lower edge, width and height of the colour bar below the diagonal, as
+# fractions of the figure
 COLOUR_BAR_BOX = (0.05, 0.18, 0.4, 0.018)
 
 
 def draw_region(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the smallest misfit below the diagonal, and the share of possible sets above.
+    """Draw the smallest misfit below the diagonal, and the fraction of possible sets above.
 
     If no cell is excluded, the panels below the diagonal are left out.
 
@@ -64,7 +64,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. `region` has a row for each cell of each pair of parameters.
-        `summary` contains the share of the space that is not excluded.
+        `summary` contains the fraction of the space that is not excluded.
     study : StudyView
         The study.
 
@@ -78,7 +78,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
     names = study.parameters.free
     n_cells = table["x_quantile"].nunique()  # along each parameter
     edges = _compute_cell_edges(study.parameters, n_cells)
-    largest_share = table["share"].max() or 1.0
+    largest_fraction = table["share"].max() or 1.0
     # If no cell is excluded, a map of the smallest misfit gives no information.
     has_excluded_cells = bool((table["least_implausibility"] >= EXCLUSION_MISFIT).any())
 
@@ -100,8 +100,8 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
             _draw_misfit(panel, cells["least_implausibility"], x_edges, y_edges)
         else:
             # The table contains each pair once, with the earlier parameter across.
-            share_mesh = _draw_share(
-                panel, cells["share"].T, x_edges, y_edges, largest_share
+            share_mesh = _draw_fraction(
+                panel, cells["share"].T, x_edges, y_edges, largest_fraction
             )
         panels.set_scale(panel.set_xscale, study.parameters, names[column])
         panels.set_scale(panel.set_yscale, study.parameters, names[row])
@@ -123,7 +123,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
             share_mesh,
             ax=axes,
             location="bottom",
-            label=f"above the diagonal: {SHARE_TITLE}",
+            label=f"above the diagonal: {FRACTION_TITLE}",
             aspect=50,
             pad=0.02,
         )
@@ -131,7 +131,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
         # Place the colour bar in the empty half below the diagonal.
         bar_axes = figure.add_axes(COLOUR_BAR_BOX)
         figure.colorbar(
-            share_mesh, cax=bar_axes, orientation="horizontal", label=SHARE_TITLE
+            share_mesh, cax=bar_axes, orientation="horizontal", label=FRACTION_TITLE
         )
     percent = 100 * summary["not_implausible_share"]
     title = f"The measurements leave {format_significant(percent, 3)} % of the searched space open"
@@ -219,14 +219,14 @@ def _draw_misfit(
     )
 
 
-def _draw_share(
+def _draw_fraction(
     panel: Axes,
     share: pd.DataFrame,
     x_edges: np.ndarray,
     y_edges: np.ndarray,
-    largest_share: float,
+    largest_fraction: float,
 ) -> QuadMesh:
-    """Draw the share of possible sets in each cell.
+    """Draw the fraction of possible sets in each cell.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def _draw_share(
         Shares (cells, cells). The rows belong to the parameter along y.
     x_edges, y_edges : ndarray
         Edges (cells + 1,) of the cells.
-    largest_share : float
+    largest_fraction : float
         Share at the end of the colour scale.
 
     Returns
@@ -251,15 +251,15 @@ def _draw_share(
         rasterized=True,
         cmap="Blues",
         vmin=0.0,
-        vmax=largest_share,
+        vmax=largest_fraction,
     )
 
 
 def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
     """Place the ticks of a panel in a square of panels, one for each pair of parameters.
 
-    The ticks are on the sides that face away from the diagonal. Only panels at the edges
-    of the square have numbers.
+    The ticks are on the sides that face away from the diagonal. Only panels at the
+    edges of the square have numbers.
 
     Parameters
     ----------
@@ -270,8 +270,8 @@ def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
     last : int
         Number of the last row, and of the last column.
     """
-    # Panels below the diagonal have ticks at the bottom and on the left, and the others at
-    # the top and on the right.
+    # Panels below the diagonal have ticks at the bottom and on the left, and the others
+    # at the top and on the right.
     is_below = row > column
     panel.xaxis.set_ticks_position("bottom" if is_below else "top")
     panel.yaxis.set_ticks_position("left" if is_below else "right")
@@ -287,8 +287,8 @@ def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
     axes: dict[Literal["x", "y"], Axis] = {"x": panel.xaxis, "y": panel.yaxis}
     for name, axis in axes.items():
         if axis.get_scale() == LINEAR:
-            panel.locator_params(name, nbins=MOST_INTERVALS)
+            panel.locator_params(name, nbins=MAX_INTERVALS)
         else:
-            axis.set_major_locator(LogLocator(numticks=MOST_INTERVALS + 1))
+            axis.set_major_locator(LogLocator(numticks=MAX_INTERVALS + 1))
             axis.set_minor_locator(NullLocator())
     panel.spines[:].set_visible(True)

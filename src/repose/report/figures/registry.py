@@ -44,8 +44,9 @@ class Drawn(NamedTuple):
     ----------
     function
         The function that draws the figure. A string names a module in this folder and
-        its function, such as ``noise.draw_noise_floor``, which is called with the inputs
-        and a `StudyView`. A callable is called with the inputs and the configuration.
+        its function, such as ``noise.draw_noise_floor``, which is called with the
+        inputs and a `StudyView`. A callable is called with the inputs and the
+        configuration.
     inputs
         Paths of the files that the figure needs, below the folder of results, by name.
     optional

@@ -92,8 +92,8 @@ def draw_perturbation_plots(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `samples` contains the parameters, and `dataset` the responses, to
-        which the surfaces are fitted.
+        Paths by name. `samples` contains the parameters, and `dataset` the responses,
+        to which the surfaces are fitted.
     study : StudyView
         The study.
 
@@ -130,8 +130,8 @@ def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `samples` contains the parameters, and `dataset` the responses, to
-        which the surfaces are fitted. `optimum` contains the factors of the optimum.
+        Paths by name. `samples` contains the parameters, and `dataset` the responses,
+        to which the surfaces are fitted. `optimum` contains the factors of the optimum.
     study : StudyView
         The study.
 
@@ -146,8 +146,8 @@ def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
     optimum = read_json(
         inputs["optimum"], ("coded",), "output of repose stage conclude"
     )["coded"]
-    # There is a panel for each response and each pair of factors. All models have the same
-    # factors.
+    # There is a panel for each response and each pair of factors. All models have the
+    # same factors.
     pairs = list(combinations(range(len(models[0].factors)), 2))
     columns = min(3, max(len(pairs), len(models)))
     figure, axes = panels.grid(len(models) * len(pairs), 2.3, columns=columns)

@@ -40,10 +40,10 @@ def draw_states(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `states` contains the arrays position_STATE (N, 3), quaternion_STATE
-        (N, 4) and turned_STATE_deg of each state. In a run without a slip, there are no
-        states `before` and `after`. `particle` contains the shape of the grains. `runs`
-        has a row for each run, and may be missing.
+        Paths by name. `states` contains the arrays position_STATE (N, 3),
+        quaternion_STATE (N, 4) and turned_STATE_deg of each state. In a run without a
+        slip, there are no states `before` and `after`. `particle` contains the shape of
+        the grains. `runs` has a row for each run, and may be missing.
     study : StudyView
         The study.
 
@@ -250,8 +250,8 @@ def draw_course(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. `record` contains the angles of the surface and of the centre of
-        mass at each time, and `profile` the motion during the slip at each depth. `runs`
-        has a row for each run.
+        mass at each time, and `profile` the motion during the slip at each depth.
+        `runs` has a row for each run.
     study : StudyView
         The study.
 

@@ -17,9 +17,9 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 # Smallest number of good samples for which a rank correlation is written.
-FEWEST_CORRELATED = 4
-# Left edge, lower edge, width and height of the comparison of methods, as fractions of the
-# figure.
+MIN_CORRELATED = 4
+# Left edge, lower edge, width and height of the comparison of methods, as fractions of
+# the figure.
 COMPARISON_BOX = (0.70, 0.70, 0.27, 0.10)
 # Largest number of characters in a line of the note below a figure.
 NOTE_CHARACTERS = 120
@@ -191,7 +191,7 @@ def _draw_response(
         # Place the crosses below all values, by a tenth of their range.
         y = bottom - 0.1 * (top - bottom)
         panel.plot(failed[name], np.full(len(failed), y), "x", ms=3.5, color=style.RED)
-    if len(good) >= FEWEST_CORRELATED:
+    if len(good) >= MIN_CORRELATED:
         correlation = good[name].rank().corr(value.rank())
         panel.set_title(
             f"ρ = {correlation:+.2f}", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repose.bench.parameters import SYMBOLS
-from repose.calibrate.search.settings import LEAST_LOSS
+from repose.calibrate.search.settings import MIN_LOSS
 from repose.calibrate.targets import Target
 from repose.common.files import read_json, read_table
 from repose.common.numbers import format_significant
@@ -19,13 +19,14 @@ from repose.report.study_view import parameter_ranges
 from . import panels, style
 from .registry import Inputs, StudyView
 
-LEAST_LOSS_NOTE = (
+MIN_LOSS_NOTE = (
     "The answer is the set of the least expected error, which counts how uncertain each "
     "prediction is; so it may lie beside the other sets."
 )
 GOLDEN_FRACTION = 0.6180339887
-# Position of the share that the solutions span. The range itself extends from 0 to 1.
-SHARE_X = 1.03
+# Position of the fraction that the solutions span. The range itself extends from 0 to
+# 1.
+FRACTION_X = 1.03
 # With more generations than this, their axis is logarithmic.
 LINEAR_GENERATIONS = 200
 HISTORY_COLUMNS = (
@@ -68,8 +69,8 @@ def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     panel = figure.subplots()
     _draw_parameter_strips(panel, solutions, study=study, published=published)
     sentences = []
-    if study.config.get("miga", {}).get("answer") == LEAST_LOSS:
-        sentences.append(LEAST_LOSS_NOTE)
+    if study.config.get("miga", {}).get("answer") == MIN_LOSS:
+        sentences.append(MIN_LOSS_NOTE)
     sentences += [_describe_predictions(solutions, target) for target in targets]
     if published is not None:
         sentences.append(_describe_overlap(solutions, study, published))
@@ -224,10 +225,10 @@ def _draw_parameter_strips(
         _write_range(panel, y, low=low, high=high)
         percent = 100 * (positions.max() - positions.min())
         panel.text(
-            SHARE_X, y, f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, va="center"
+            FRACTION_X, y, f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, va="center"
         )
     panel.text(
-        SHARE_X,
+        FRACTION_X,
         len(names) - 0.55,
         "share of\nits range",
         fontsize=style.SMALL_TEXT_PT,
@@ -257,7 +258,7 @@ def _draw_published_interval(
     y : float
         Height of the strip's middle.
     start, end : float
-        Ends of the interval as shares of the parameter's range.
+        Ends of the interval as fractions of the parameter's range.
     label_prefix : str
         A prefix of the label. An underscore keeps it out of the legend.
     """
@@ -295,7 +296,7 @@ def _draw_strip(
     y : float
         Height of the strip's middle.
     positions : ndarray
-        Values (n,) of the solutions as shares of the range.
+        Values (n,) of the solutions as fractions of the range.
     is_answer : ndarray
         Mask (n,) of the answer.
     label_prefix : str
@@ -354,7 +355,8 @@ def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.COLUMN, 2.6)
     panel = figure.subplots()
     _draw_objective(panel, history)
-    # An objective below the error of the surrogate is not better if it is still smaller.
+    # An objective below the error of the surrogate is not better if it is still
+    # smaller.
     if "summary" in inputs:
         summary = read_json(inputs["summary"], ("feasible",))
         errors = summary.get("representative_judged", {}).get("predicted_se")
@@ -406,8 +408,8 @@ def _draw_surrogate_error(
     errors : mapping
         Standard errors of the predicted responses, by name.
     """
-    # According to Eq. 11 and 12, the objective is the weighted sum of the deviations, each
-    # divided by the width of its target range.
+    # According to Eq. 11 and 12, the objective is the weighted sum of the deviations,
+    # each divided by the width of its target range.
     objective = 0.0
     clauses = []
     for target in study.targets:

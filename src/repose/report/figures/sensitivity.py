@@ -1,6 +1,6 @@
 """Draw the sensitivity: Sobol indices and main effects of the parameters.
 
-If there are constraints, two other shares of the variance replace the indices.
+If there are constraints, two other fractions of the variance replace the indices.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from .registry import Inputs, StudyView
 
 
 class Share(NamedTuple):
-    """A share of the variance: a column of the table."""
+    """A fraction of the variance: a column of the table."""
 
     column: str
     label: str
@@ -26,7 +26,7 @@ class Share(NamedTuple):
 
 INDICES = (Share("first", "first order"), Share("total", "total"))
 # Shares for parameters that depend on each other because of constraints.
-CONSTRAINED_SHARES = (
+CONSTRAINED_FRACTIONS = (
     Share("explained", "explained by it alone, Var(E[y|x]) / Var(y)"),
     Share("remaining", "remaining if all others are known, E[Var(y|others)] / Var(y)"),
 )
@@ -40,14 +40,15 @@ EFFECTS_NOTE_WITH_CONSTRAINTS = (
     "points: samples; line: mean of the surrogate over what the constraints allow at "
     "each value; %: share of the variance {share}"
 )
-# Two bars side by side for the shares of a parameter: offsets from its tick, and colours.
+# Two bars side by side for the fractions of a parameter: offsets from its tick, and
+# colours.
 BAR_OFFSETS = (-0.2, 0.2)
 BAR_COLOURS = (style.BLUE, style.ORANGE)
 
 
-def _choose_shares(study: StudyView) -> tuple[Share, Share]:
-    """Choose the two shares of the variance that the table of a study contains."""
-    return CONSTRAINED_SHARES if study.parameters.constraints else INDICES
+def _choose_fractions(study: StudyView) -> tuple[Share, Share]:
+    """Choose the two fractions of the variance that the table of a study contains."""
+    return CONSTRAINED_FRACTIONS if study.parameters.constraints else INDICES
 
 
 def draw_sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
@@ -67,7 +68,7 @@ def draw_sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
         The figure.
     """
     targets = study.targets
-    shares = _choose_shares(study)
+    shares = _choose_fractions(study)
     columns = [share.column for share in shares]
     table = read_table(inputs["sobol"], ("response", "parameter", *columns))
     figure, axes = panels.grid(len(targets), 2.4, sharey=True)
@@ -92,7 +93,7 @@ def draw_sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_indices(
     panel: Axes, table: pd.DataFrame, shares: tuple[Share, Share]
 ) -> None:
-    """Draw the two shares of one response with their intervals.
+    """Draw the two fractions of one response with their intervals.
 
     Parameters
     ----------
@@ -101,13 +102,13 @@ def _draw_indices(
     table : DataFrame
         A row for each parameter, with both shares and the ends of their intervals.
     shares : tuple of Share
-        The two shares.
+        The two fractions.
     """
     positions = np.arange(len(table))
     for (column, label), offset, colour in zip(
         shares, BAR_OFFSETS, BAR_COLOURS, strict=True
     ):
-        # Compute the lengths of the error bars below and above the share.
+        # Compute the lengths of the error bars below and above the fraction.
         share = table[column]
         below = share - table[f"{column}_low"]
         above = table[f"{column}_high"] - share
@@ -157,12 +158,12 @@ def draw_main_effects(inputs: Inputs, study: StudyView) -> Figure:
         inputs["dataset"], (*parameters.names, "status", *targets.names)
     )
     samples = samples[samples["status"] == "ok"]
-    column, label = _choose_shares(study)[0]
+    column, label = _choose_fractions(study)[0]
     sobol = read_table(inputs["sobol"], ("response", "parameter", column))
-    variance_shares = sobol.set_index(["response", "parameter"])[column]
+    variance_fractions = sobol.set_index(["response", "parameter"])[column]
 
-    # In each panel draw the samples and the mean of the surrogate, and write the share
-    # of the variance.
+    # In each panel draw the samples and the mean of the surrogate, and write the
+    # fraction of the variance.
     figure, parameter_panels = panels.make_parameter_panels(targets, parameters, 1.4)
     for panel, target, name in parameter_panels:
         panel.scatter(
@@ -170,8 +171,8 @@ def draw_main_effects(inputs: Inputs, study: StudyView) -> Figure:
         )
         curve = effects[effects["parameter"] == name]
         panel.plot(curve["value"], curve[target.name], color=style.BLUE, lw=1.8)
-        # The shares are estimates, so they may be slightly below 0.
-        percent = 100 * max(variance_shares.loc[(target.name, name)], 0.0)
+        # The fractions are estimates, so they may be slightly below 0.
+        percent = 100 * max(variance_fractions.loc[(target.name, name)], 0.0)
         panel.set_title(
             f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2
         )

@@ -11,7 +11,8 @@ from repose.common.files import read_table
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Position of the check on the axis of the pours, as a multiple of the last batch's position
+# Position of the check on the axis of the pours, as a multiple of the last batch's
+# position
 CHECK_X_FACTOR = 1.06
 
 
@@ -21,8 +22,8 @@ def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `batches` has a row for each batch of pours, and `check` a row for
-        each response.
+        Paths by name. `batches` has a row for each batch of pours, and `check` a row
+        for each response.
     study : StudyView
         The study.
 
@@ -71,8 +72,8 @@ def _draw_probability(
     """Draw the probability of meeting the targets after each batch.
 
     The panel shows three curves: the probability that the best point meets the targets,
-    the highest probability that the remaining pours can reach for it, and the probability
-    that any parameter set meets the targets.
+    the highest probability that the remaining pours can reach for it, and the
+    probability that any parameter set meets the targets.
 
     Parameters
     ----------

@@ -300,7 +300,7 @@ def compute_influence(
     Influence
         Shares of the variance and directions.
     """
-    from repose.calibrate.uncertainty.sensitivity import compute_variance_shares
+    from repose.calibrate.uncertainty.sensitivity import compute_variance_fractions
 
     def respond(coordinates: np.ndarray) -> np.ndarray:
         """Predict the responses at coordinates of the free parameters."""
@@ -314,12 +314,12 @@ def compute_influence(
         samples=INFLUENCE_POINTS, resamples=1, seed=seed
     )
     try:
-        shares = compute_variance_shares(respond, parameters, settings)
+        shares = compute_variance_fractions(respond, parameters, settings)
     except ValueError:
         # Shares are undefined if an output is constant, so leave all of them at zero.
         return Influence(share, direction)
 
-    # Fixed inputs keep a share of zero.
+    # Fixed inputs keep a fraction of zero.
     free_columns = [model.inputs.index(name) for name in parameters.free]
     share[:, free_columns] = shares["remaining" if parameters.constraints else "total"]
     rise = _compute_rise(respond, parameters, seed)

@@ -33,7 +33,7 @@ PLATE_THICKNESS_MM = 7  # as drawn
 ROOM_BESIDE_MM = 75
 ROOM_BELOW_MM = 34
 ROOM_ABOVE_MM = 34
-LEAST_HALF_VIEW_MM = 190
+MIN_HALF_VIEW_MM = 190
 # Space in inches for the labels of the axes, across and down
 LABEL_WIDTH = 0.5
 LABEL_HEIGHT = 0.55
@@ -199,8 +199,8 @@ def _name_lines(
         ("right", angle.right_deg, right_line, drawing.GREEN, "left", 12),
     )
     for name, flank_deg, line, blue_green_red, alignment, offset_pt in flanks:
-        # Find the middle of the line. Rows are counted downwards, and refer to the centre
-        # of a pixel.
+        # Find the middle of the line. Rows are counted downwards, and refer to the
+        # centre of a pixel.
         column, row = np.mean(line, axis=0)
         middle = (column * scale, height_mm - (row + 0.5) * scale)
         panel.annotate(
@@ -248,7 +248,7 @@ def draw_test_bench(inputs: Inputs, study: StudyView) -> Figure:
     factory = top + settings.factory_height_mm
     # Leave room for the dimensions beside the funnel, below the plate and above the
     # factory.
-    half_view = max(half_inlet + ROOM_BESIDE_MM, LEAST_HALF_VIEW_MM)
+    half_view = max(half_inlet + ROOM_BESIDE_MM, MIN_HALF_VIEW_MM)
     low = -ROOM_BELOW_MM
     high = factory + ROOM_ABOVE_MM
 
@@ -308,8 +308,8 @@ def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
         scales=record.get("scale", 1.0),
     )
     is_there = np.isfinite(grains.centres_m).all(axis=1)
-    # The view is along y, and x points to the right. Draw the nearest grains, which have
-    # the smallest y, last and over the others.
+    # The view is along y, and x points to the right. Draw the nearest grains, which
+    # have the smallest y, last and over the others.
     shown_grains = np.flatnonzero(is_there)
     nearness = -grains.centres_m[shown_grains, 1]
     far_to_near = shown_grains[np.argsort(nearness)]
@@ -455,8 +455,8 @@ def _draw_dimensions(
             va="center",
         )
 
-    # Write the angle of the cone beside the middle of its right side, and the size of the
-    # plate below the plate.
+    # Write the angle of the cone beside the middle of its right side, and the size of
+    # the plate below the plate.
     text_style = {"color": style.BLUE, "fontsize": DIMENSION_FONT_SIZE}
     panel.text(
         (half_outlet + half_inlet) / 2 + 9,
@@ -489,7 +489,8 @@ def draw_dimension(
     place : tuple of float
         Position of the number, as x and y.
     **options
-        Arguments of matplotlib's `text`. By default, the number is centred horizontally.
+        Arguments of matplotlib's `text`. By default, the number is centred
+        horizontally.
     """
     arrow = {
         "arrowstyle": "<->",

@@ -33,9 +33,9 @@ class EmbeddedPicture(NamedTuple):
 def embed_picture(source: PictureSource, caption: str) -> EmbeddedPicture:
     """Embed a picture in the page.
 
-    A large picture is reduced. A PNG file that states a resolution is taken for a figure
-    with text. The page shows it at least at `SMALLEST_SCALE` times its size on paper, so
-    that the text stays readable.
+    A large picture is reduced. A PNG file that states a resolution is taken for a
+    figure with text. The page shows it at least at `SMALLEST_SCALE` times its size on
+    paper, so that the text stays readable.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 """Store the surrogate as data from which the page predicts responses without Python.
 
-A network, or each network of an ensemble, is stored completely, with a square root of the
-covariance of its weights. From these data `network.js` makes the same predictions as
-`repose.calibrate.surrogates.network_ensemble`. Any other surrogate is stored as curves and
-planes, along which one or two parameters vary over their ranges while the others stay at
-the answer.
+A network, or each network of an ensemble, is stored completely, with a square root of
+the covariance of its weights. From these data `network.js` makes the same predictions
+as `repose.calibrate.surrogates.network_ensemble`. Any other surrogate is stored as
+curves and planes, along which one or two parameters vary over their ranges while the
+others stay at the answer.
 """
 
 import base64
@@ -97,9 +97,9 @@ def _describe_networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any
     Returns
     -------
     dict
-        `kind` is ``network``. `members` contains the weights of each network, with a root
-        of their covariance as `root`, from `pack_array`. The other keys describe the
-        scaling of inputs and outputs, which all networks share.
+        `kind` is ``network``. `members` contains the weights of each network, with a
+        root of their covariance as `root`, from `pack_array`. The other keys describe
+        the scaling of inputs and outputs, which all networks share.
     """
     if isinstance(surrogate, NetworkEnsemble):
         networks: list[BayesianBP] = surrogate.members_
@@ -136,8 +136,8 @@ def _predict_curves_and_planes(
     dict
         `kind` is ``curves``. The keys of `curves` are names of parameters, and those of
         `planes` are pairs of names, such as ``first second``. Each entry contains the
-        mean and the standard deviation. The arrays of a plane (points, points, responses)
-        come from `pack_array`, and their rows belong to the first parameter.
+        mean and the standard deviation. The arrays of a plane (points, points,
+        responses) come from `pack_array`, and their rows belong to the first parameter.
         `planePoints` is the number of points along each side.
     """
     curves = {}

@@ -1,8 +1,8 @@
 """Write a pour for the page's 3-D view: the surface of a grain, and where the grains are.
 
-To save bytes, positions are rounded to one of `POSITION_STEPS` steps across the space of
-all grains, and the components of orientations to multiples of 1 / `ORIENTATION_STEPS`.
-The error of a grain is below 0.02 mm and 1 degree.
+To save bytes, positions are rounded to one of `POSITION_STEPS` steps across the space
+of all grains, and the components of orientations to multiples of 1 /
+`ORIENTATION_STEPS`. The error of a grain is below 0.02 mm and 1 degree.
 """
 
 import os
@@ -31,11 +31,11 @@ ABSENT_POSITION = 65535
 ORIENTATION_STEPS = 127  # numbers of 8 bits with a sign
 MAX_TRIANGLES = 600_000  # of all grains together, for a phone
 # Smallest and largest number of rings of points on the surface of a smooth grain
-LEAST_RINGS = 8
-MOST_RINGS = 18
+MIN_RINGS = 8
+MAX_RINGS = 18
 # This smallest extent, in mm, avoids a division by zero if all grains have the same
 # coordinate.
-LEAST_EXTENT = 1e-9
+MIN_EXTENT = 1e-9
 ROUNDED_DOWN = 1 - 1e-9  # factor that reduces a radius by more than a rounding error
 
 
@@ -72,12 +72,12 @@ def export_pour(
     Returns
     -------
     dict
-        `body` is the surface of a grain, and `count` the number of grains. `times_s` are
-        the times of the frames. `positions` (frames, grains, 3) are whole numbers, which
-        are converted to mm by `low` and `step` (`QuantisedPositions`). `turns` (frames,
-        grains, 4) are quaternions x, y, z, w. `scales` are the relative sizes of the
-        grains, or None. `walls` has a row for each wall: height and radius of its lower
-        end, then of its upper end. `plate_mm` is the radius of the plate.
+        `body` is the surface of a grain, and `count` the number of grains. `times_s`
+        are the times of the frames. `positions` (frames, grains, 3) are whole numbers,
+        which are converted to mm by `low` and `step` (`QuantisedPositions`). `turns`
+        (frames, grains, 4) are quaternions x, y, z, w. `scales` are the relative sizes
+        of the grains, or None. `walls` has a row for each wall: height and radius of
+        its lower end, then of its upper end. `plate_mm` is the radius of the plate.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def quantise(positions: np.ndarray) -> QuantisedPositions:
     # Divide the extent of all grains into equal steps along each axis.
     low = positions[is_there].min(axis=0)
     high = positions[is_there].max(axis=0)
-    step = np.maximum(high - low, LEAST_EXTENT) / POSITION_STEPS
+    step = np.maximum(high - low, MIN_EXTENT) / POSITION_STEPS
     whole[is_there] = np.rint((positions[is_there] - low) / step)
     return QuantisedPositions(whole, low, step)
 
@@ -187,7 +187,7 @@ def make_grain_surface(particle: Particle, most_triangles: int) -> Surface:
     """
     if not particle.is_clump:
         # n rings of 2 n points have about 4 n^2 triangles.
-        n_rings = int(np.clip(np.sqrt(most_triangles / 4), LEAST_RINGS, MOST_RINGS))
+        n_rings = int(np.clip(np.sqrt(most_triangles / 4), MIN_RINGS, MAX_RINGS))
         points, normals, triangles = tessellate(particle, n_rings, 2 * n_rings)
         return Surface(1e3 * points, normals, triangles)
     # Use the finer of two meshes of a sphere, if it has few enough triangles.
@@ -218,13 +218,13 @@ def _make_visible_surface(spheres: np.ndarray, unit_sphere: trimesh.Trimesh) -> 
     radii = spheres[:, 3]
     points = centres[:, None, :] + radii[:, None, None] * unit_points
 
-    # A point is hidden if it lies inside any other sphere. Reducing the radii ensures that
-    # rounding errors do not place it inside its own sphere.
+    # A point is hidden if it lies inside any other sphere. Reducing the radii ensures
+    # that rounding errors do not place it inside its own sphere.
     distances = np.linalg.norm(points[:, :, None] - centres, axis=3)
     is_hidden = (distances < radii * ROUNDED_DOWN).any(axis=2).ravel()
 
-    # All points form one list, so offset the point numbers of each sphere. A triangle is
-    # hidden if all its points are hidden.
+    # All points form one list, so offset the point numbers of each sphere. A triangle
+    # is hidden if all its points are hidden.
     first_point = len(unit_points) * np.arange(len(spheres))
     triangles = (first_point[:, None, None] + unit_sphere.faces).reshape(-1, 3)
     visible_triangles = triangles[~is_hidden[triangles].all(axis=1)]

@@ -54,11 +54,12 @@ OTHER_PROGRAM_STEP = (
     "The runs were made by another program, so this report has no grain, no drum, no "
     "published sets and no pictures of piles."
 )
-# An interval that covers this share of the range or more does not determine a parameter.
-UNDETERMINED_SHARE = 0.9
-# If a standard error is a smaller fraction of its mean, all runs gave the same value, and
-# the error is only due to rounding.
-ROUNDING_SHARE = 1e-9
+# An interval that covers this fraction of the range or more does not determine a
+# parameter.
+UNDETERMINED_FRACTION = 0.9
+# If a standard error is a smaller fraction of its mean, all runs gave the same value,
+# and the error is only due to rounding.
+ROUNDING_FRACTION = 1e-9
 # Angles by which the drum has turned: before the first slip, and at the time when the
 # run of the article ends.
 SLIP_ANGLE = "before_turned_deg"
@@ -204,8 +205,8 @@ def _describe_determination(study: Results) -> str:
         return ""
     shares = study.posterior["width_ratio"]
     n_parameters = len(shares)
-    n_determined = int((shares < UNDETERMINED_SHARE).sum())
-    # The intervals are estimates, so this share may slightly exceed 1.
+    n_determined = int((shares < UNDETERMINED_FRACTION).sum())
+    # The intervals are estimates, so this fraction may slightly exceed 1.
     narrowest = 100 * min(shares.min(), 1.0)
     condition = f"With the assumed error of the simulator{_list_assumed_errors(study)}"
     if n_determined == 0:
@@ -252,7 +253,7 @@ def _describe_sets_inside(study: Results) -> str:
     samples_inside = samples[is_inside]
     if len(samples_inside) < 2:
         return ""
-    # For each parameter, compute the share of its range that these samples span.
+    # For each parameter, compute the fraction of its range that these samples span.
     spans = [
         (np.ptp(study.parameters.shares(name, samples_inside[name])), name)
         for name in study.parameters.free
@@ -288,7 +289,8 @@ def _describe_nearness(study: Results) -> str:
     # Name the responses by their labels, which readers understand.
     named_checks = [replace(check, response=check.label) for check in checks]
     sentences = [describe_differences(named_checks)]
-    # The standard deviation of a single run follows from the standard error of the mean.
+    # The standard deviation of a single run follows from the standard error of the
+    # mean.
     scatters = [
         _format_with_unit(check.standard_error * math.sqrt(check.runs), check.unit)
         for check in checks
@@ -379,7 +381,7 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
         )
         interval_cells = [
             _format_ends(interval["low"], interval["high"]),
-            _describe_share_left_open(row["width_ratio"]),
+            _describe_fraction_left_open(row["width_ratio"]),
         ]
     searched = _format_ends(*parameter_ranges(parameters)[name])
     # If the label is empty, the remark begins with a separator. Remove it.
@@ -392,13 +394,13 @@ def _format_ends(low: float, high: float) -> str:
     return f"{format_significant(low, 3)} to {format_significant(high, 3)}"
 
 
-def _describe_share_left_open(share: float) -> str:
+def _describe_fraction_left_open(share: float) -> str:
     """Write how much of a parameter's range its 95 % interval leaves open.
 
-    The intervals are estimates, so the share may slightly exceed 1.
+    The intervals are estimates, so the fraction may slightly exceed 1.
     """
     percent = f"{100 * min(share, 1.0):.0f} %"
-    return f"{percent}: not determined" if share >= UNDETERMINED_SHARE else percent
+    return f"{percent}: not determined" if share >= UNDETERMINED_FRACTION else percent
 
 
 # --- The material ---------------------------------------------------------------------
@@ -415,8 +417,8 @@ def make_material_section(study: Results) -> MaterialSection | None:
     Returns
     -------
     MaterialSection or None
-        The section. It is None if the study has no card, or if another program simulated
-        the study.
+        The section. It is None if the study has no card, or if another program
+        simulated the study.
     """
     if "card" not in study.files:
         return None
@@ -484,8 +486,8 @@ def _make_response_table(study: Results) -> Table:
 def _make_response_row(study: Results, target: Target) -> list[str]:
     """Make the cells of one target in the table of the responses.
 
-    There are cells for all columns, although the last columns are shown only if the answer
-    was simulated again.
+    There are cells for all columns, although the last columns are shown only if the
+    answer was simulated again.
 
     Parameters
     ----------
@@ -565,8 +567,8 @@ def _make_table_of_angle_definitions(study: Results) -> Table | None:
     Returns
     -------
     Table or None
-        A row for each definition. The table is None if the study has no piles, or if its
-        results do not contain all of these angles.
+        A row for each definition. The table is None if the study has no piles, or if
+        its results do not contain all of these angles.
     """
     measure = study.measure
     has_all_angles = set(MEAN_KEYS.values()) <= set(study.answer_row.index)
@@ -710,8 +712,8 @@ def _format_mean_with_error(
     mean : float or None
         The mean; None or NaN if there is none.
     error : float or None
-        Standard error of the mean. It is left out if it is None, NaN or so small that it
-        is only due to rounding.
+        Standard error of the mean. It is left out if it is None, NaN or so small that
+        it is only due to rounding.
     unit : str
         Text that follows the numbers.
     missing : str
@@ -724,7 +726,7 @@ def _format_mean_with_error(
     """
     if mean is None or pd.isna(mean):
         return missing
-    is_rounding_error = error is not None and error < ROUNDING_SHARE * abs(mean)
+    is_rounding_error = error is not None and error < ROUNDING_FRACTION * abs(mean)
     if pd.isna(error) or is_rounding_error:
         error = None
     return f"{format_with_error(mean, error).replace('+-', '±')}{unit}"

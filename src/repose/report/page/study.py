@@ -73,16 +73,16 @@ class Results:
     answer_row
         The representative parameter set, with its predicted and simulated responses.
     probability
-        Probability that the mean response meets a target, by the name of the target, and
-        that all targets are met, by the key ``all``. It is None if it is unknown.
+        Probability that the mean response meets a target, by the name of the target,
+        and that all targets are met, by the key ``all``. It is None if it is unknown.
     probability_within
         Probability that all responses lie within a percentage of their targets, by this
         percentage.
     posterior
         The table of the posterior by parameter, if there is one.
     assumed_errors
-        The error of the simulator that the posterior assumes for each target, in the unit
-        of the target; empty if it is unknown.
+        The error of the simulator that the posterior assumes for each target, in the
+        unit of the target; empty if it is unknown.
     surrogate
         A model of the responses over all ranges, if there is one.
     solutions, checked_sets, samples
@@ -294,8 +294,8 @@ def _load_surrogate(
     Returns
     -------
     Predictor or None
-        The surrogate from the file, or a kriging model fitted to the runs. It is None if
-        there is neither a file of a surrogate nor a table of runs.
+        The surrogate from the file, or a kriging model fitted to the runs. It is None
+        if there is neither a file of a surrogate nor a table of runs.
     """
     if "network" in files:
         return load(files["network"], targets.names)

@@ -12,10 +12,11 @@ MARK_TONE = np.array([0.16, 0.18, 0.20])
 N_MARKS = 12
 MARK_HALF_WIDTH_RAD = 0.035
 CIRCLE_POINTS = 72
-# The rim begins at the inner radius, and at half the length from the middle. These limits
-# are slightly smaller, so that points on the rim exceed them despite rounding errors.
-RIM_RADIUS_SHARE = 0.9999
-RIM_LENGTH_SHARE = 0.4999
+# The rim begins at the inner radius, and at half the length from the middle. These
+# limits are slightly smaller, so that points on the rim exceed them despite rounding
+# errors.
+RIM_RADIUS_FRACTION = 0.9999
+RIM_LENGTH_FRACTION = 0.4999
 
 
 @dataclass(frozen=True)
@@ -114,8 +115,8 @@ class DrumInside:
         self,
         points_m: np.ndarray,
         normals: np.ndarray,
-        light_share: np.ndarray,
-        sky_share: np.ndarray,
+        light_fraction: np.ndarray,
+        sky_fraction: np.ndarray,
     ) -> np.ndarray:
         """Compute the colours of points on the drum.
 
@@ -123,7 +124,7 @@ class DrumInside:
         ----------
         points_m, normals : array (M, 3)
             The points in m, and the unit normals at these points.
-        light_share, sky_share : array (M,)
+        light_share, sky_fraction : array (M,)
             Shares of the light and of the sky that reach the points.
 
         Returns
@@ -134,16 +135,16 @@ class DrumInside:
         # Shadows, gaps between grains, and surfaces that face down are darker. The
         # weights were chosen by eye, as was the factor of the colour.
         tone = (
-            (0.62 + 0.38 * light_share)
-            * (0.35 + 0.65 * sky_share)
+            (0.62 + 0.38 * light_fraction)
+            * (0.35 + 0.65 * sky_fraction)
             * (0.86 + 0.14 * normals[:, 2])
         )
         colour = DRUM_TONE * 1.1 * tone[:, None]
 
         # The rim is the ring around the open front end. The camera is at negative y.
         distance_from_axis = np.hypot(points_m[:, 0], points_m[:, 2])
-        on_rim = distance_from_axis > RIM_RADIUS_SHARE * self.radius_m
-        on_rim &= points_m[:, 1] < -RIM_LENGTH_SHARE * self.length_m
+        on_rim = distance_from_axis > RIM_RADIUS_FRACTION * self.radius_m
+        on_rim &= points_m[:, 1] < -RIM_LENGTH_FRACTION * self.length_m
         colour[on_rim] = RIM_TONE
 
         # The marks turn with the drum.
@@ -167,11 +168,12 @@ def _is_marked(angle: np.ndarray) -> np.ndarray:
     array (M,) of bool
         True for a point on a mark.
     """
-    # The marks are at multiples of the spacing. Compute the angle from the nearest mark,
-    # which is at most half a spacing.
+    # The marks are at multiples of the spacing. Compute the angle from the nearest
+    # mark, which is at most half a spacing.
     spacing = 2.0 * math.pi / N_MARKS
     to_nearest_mark = np.abs((angle + 0.5 * spacing) % spacing - 0.5 * spacing)
-    # The bottom is at the angle -pi / 2. Compute the angle from it, which is at most pi.
+    # The bottom is at the angle -pi / 2. Compute the angle from it, which is at most
+    # pi.
     to_bottom = np.abs((angle + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi)
     on_mark = to_nearest_mark < MARK_HALF_WIDTH_RAD
     on_wide_mark = to_bottom < 3.0 * MARK_HALF_WIDTH_RAD

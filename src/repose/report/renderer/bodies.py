@@ -48,7 +48,8 @@ class Bodies:
     owner : array (N,) of int
         Number of the body to which each part belongs.
     largest_m : float
-        Bounding radius of the largest body, or of the first shape if there are no bodies.
+        Bounding radius of the largest body, or of the first shape if there are no
+        bodies.
     """
 
     normals: np.ndarray
@@ -119,8 +120,8 @@ def place_bodies(
         scales=scales,
         sphere_id=len(shapes),
     )
-    # Of a clump, only the spheres are drawn. Because each shape must have a mesh, give a
-    # clump the mesh of a sphere, which is not used.
+    # Of a clump, only the spheres are drawn. Because each shape must have a mesh, give
+    # a clump the mesh of a sphere, which is not used.
     meshed_shapes = [
         _UnitSphere() if len(_read_spheres(shape)) else shape for shape in shapes
     ]

@@ -31,11 +31,12 @@ LAST_FRAME_S = 1.6
 FRAME_S = 0.08
 DRUM_FRAME_S = 0.12
 MAX_BYTES = 3_000_000
-# A grain has left the pile if its distance from the axis is more than this many times the
-# median distance.
+# A grain has left the pile if its distance from the axis is more than this many times
+# the median distance.
 PILE_MEDIANS = 2
 DRUM_MAX_BYTES = 3_900_000
-# Colours of a GIF and qualities of a WebP to try, from the largest file to the smallest.
+# Colours of a GIF and qualities of a WebP to try, from the largest file to the
+# smallest.
 GIF_COLOURS = (128, 96, 64, 48, 32)
 WEBP_QUALITY = (80, 65, 50, 35, 20)
 
@@ -71,8 +72,8 @@ def animate_pour(
     Raises
     ------
     InputError
-        If the trajectory cannot be read, if `out_path` has another ending, or if the file
-        remains too large.
+        If the trajectory cannot be read, if `out_path` has another ending, or if the
+        file remains too large.
     """
     out_path = _check_ending(out_path)
     record = read_npz(trajectory, TRAJECTORY_KEYS, "the trajectory of a pour")
@@ -163,8 +164,8 @@ def animate(
     Raises
     ------
     InputError
-        If there is no frame, if `out_path` has another ending, or if the file remains too
-        large.
+        If there is no frame, if `out_path` has another ending, or if the file remains
+        too large.
     """
     out_path = _check_ending(out_path)
     times = frames["time_s"]

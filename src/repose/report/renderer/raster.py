@@ -1,7 +1,7 @@
 """Loop over the pixels of a picture in compiled code: z-buffer, soft shadow, open sky.
 
-A `camera` is here a tuple of three items: its position (3,) in m, its axes (3, 3) with the
-rows right, up and forward, and its focal length in pixels.
+A `camera` is here a tuple of three items: its position (3,) in m, its axes (3, 3) with
+the rows right, up and forward, and its focal length in pixels.
 """
 
 import math
@@ -152,10 +152,10 @@ def write_place(camera, shape, row, column, depth, place):
 
 
 @compiled
-def compute_lit_share(
+def compute_lit_fraction(
     depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps
 ):
-    """Compute the share of the light that reaches each visible point.
+    """Compute the fraction of the light that reaches each visible point.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def compute_lit_share(
     Returns
     -------
     array (H, W)
-        The share, from 0 to 1.
+        The fraction, from 0 to 1.
     """
     rows, columns = depth.shape
     map_rows, map_columns = light_map.shape
@@ -231,7 +231,7 @@ def compute_lit_share(
 
 @compiled
 def compute_openness(depth, normals, camera, mask, radius_m, taps):
-    """Compute the share of the sky that each visible point sees past its neighbours.
+    """Compute the fraction of the sky that each visible point sees past its neighbours.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
     Returns
     -------
     array (H, W)
-        The share, from 0 to 1.
+        The fraction, from 0 to 1.
     """
     rows, columns = depth.shape
     open_sky = np.ones((rows, columns), np.float32)
@@ -264,8 +264,8 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
                 continue
             write_place(camera, depth.shape, row, column, depth[row, column], point)
             angle = _compute_pixel_angle(row, column)
-            # Convert the disc of neighbours to pixels, and turn it by a different angle in
-            # each pixel.
+            # Convert the disc of neighbours to pixels, and turn it by a different angle
+            # in each pixel.
             reach_px = radius_m * camera[2] / depth[row, column]
             turn_x = reach_px * math.cos(angle)
             turn_y = reach_px * math.sin(angle)
@@ -282,8 +282,9 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
                     step = neighbour[k] - point[k]
                     height += step * normals[row, column, k]
                     squared_distance += step * step
-                # The higher and the nearer a neighbour is, the more of the sky it hides.
-                # Neighbours near the plane of the surface, or far away, hide nothing.
+                # The higher and the nearer a neighbour is, the more of the sky it
+                # hides. Neighbours near the plane of the surface, or far away, hide
+                # nothing.
                 distance = math.sqrt(squared_distance)
                 hidden += max(0.0, height / distance - 0.08) * max(
                     0.0, 1.0 - 0.4 * distance / radius_m

@@ -103,8 +103,8 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     colour : str
         Colour of the first shape as #rrggbb.
     **angles
-        Angles of the camera: `elevation_deg`, `azimuth_deg` and `field_of_view_deg`, see
-        `look_at`.
+        Angles of the camera: `elevation_deg`, `azimuth_deg` and `field_of_view_deg`,
+        see `look_at`.
 
     Returns
     -------

@@ -21,7 +21,8 @@ FIELD_OF_VIEW_DEG = 24.0
 # Number of pixels in a band of rows. The temporary arrays of a band take tens of MB.
 BAND_PIXELS = 65_536
 CIRCLE_POINTS = 36
-# A unit vector whose z component is smaller points straight down, up to rounding errors.
+# A unit vector whose z component is smaller points straight down, up to rounding
+# errors.
 DOWNWARDS = -1 + 1e-9
 # Origin in m, followed by the rows of the rotation matrix to the world.
 WORLD_FRAME = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
@@ -172,8 +173,8 @@ def look_at(
     focal_px = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
 
     # Look at the middle of the points from the smallest distance at which the picture
-    # contains each of them. It contains a point if the point's offset across the view is
-    # at most its depth times half the size of the picture over the focal length.
+    # contains each of them. It contains a point if the point's offset across the view
+    # is at most its depth times half the size of the picture over the focal length.
     view_points = points_m @ axes.T
     middle = (view_points.min(axis=0) + view_points.max(axis=0)) / 2
     offset = view_points - middle
@@ -291,7 +292,8 @@ def make_funnel_walls(funnel: Funnel) -> list[Frustum]:
     inlet_radius = funnel.inlet_diameter_m / 2
     top_m = funnel.inlet_height_m
     neck_m = funnel.outlet_height_m + funnel.tube_length_m
-    # Because of the rounded rim, the cone ends a little outside the circle of the outlet.
+    # Because of the rounded rim, the cone ends a little outside the circle of the
+    # outlet.
     slope = math.tan(math.radians(funnel.cone_angle_deg))
     neck_radius = inlet_radius - (top_m - neck_m) / slope
     cone = Frustum(neck_m, neck_radius, z_high_m=top_m, r_high_m=inlet_radius)
@@ -320,7 +322,8 @@ def make_setting(
     planes : array (P, 7), optional
         Planes in a frame of `repose.dem.Recorder`; by default the present planes.
     frames : array (C, 12), optional
-        Frames of the other walls, also from the recorder; by default the present frames.
+        Frames of the other walls, also from the recorder; by default the present
+        frames.
 
     Returns
     -------
@@ -356,8 +359,8 @@ def _split_planes(
     simulation : Simulation
         The simulation, whose box limits the planes.
     planes : array (P, 7)
-        A row for each plane: a point in m, the normal pointing away from the grains, and
-        a radius, which is infinite for an endless plane.
+        A row for each plane: a point in m, the normal pointing away from the grains,
+        and a radius, which is infinite for an endless plane.
 
     Returns
     -------

@@ -21,21 +21,21 @@ GRAIN_COLOUR = "#cca86b"  # default colour of the first shape
 OTHER_SHAPE_COLOURS = np.array(
     [[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]]
 )
-PANEL_SHARE = 0.93  # of the plate's brightness
+PANEL_FRACTION = 0.93  # of the plate's brightness
 UP = np.array([0.0, 0.0, 1.0])
 # Direction towards the light, a unit vector: its components to the right of the camera,
 # ahead of it, and up. The light is above and behind the camera.
 LIGHT_DIRECTION = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])
-# If the level component of the viewing direction is smaller, the view counts as vertical,
-# and no direction is ahead.
+# If the level component of the viewing direction is smaller, the view counts as
+# vertical, and no direction is ahead.
 SMALLEST_LEVEL_PART = 1e-9
 LIGHT_PIXELS = 1400  # along the longer side of the depth map seen from the light
-# Lengths as multiples of the largest body's radius: radius of the soft edge of a shadow,
-# distance at which a surface begins to cast a shadow, and distance within which
+# Lengths as multiples of the largest body's radius: radius of the soft edge of a
+# shadow, distance at which a surface begins to cast a shadow, and distance within which
 # neighbours hide the sky
-SOFTNESS_SHARE = 0.35
-BIAS_SHARE = 0.03
-SKY_REACH_SHARE = 1.3
+SOFTNESS_FRACTION = 0.35
+BIAS_FRACTION = 0.03
+SKY_REACH_FRACTION = 1.3
 # Numbers of samples around a visible point: on the depth map of the light, and in the
 # picture
 LIGHT_TAPS = 24
@@ -49,8 +49,8 @@ class Band(NamedTuple):
     image: np.ndarray  # (R, W, 3), to be painted
     view: View
     rays: np.ndarray  # (R, W, 3)
-    lit: np.ndarray  # (R, W), shares of the light
-    sky: np.ndarray  # (R, W), shares of the sky
+    lit: np.ndarray  # (R, W), fractions of the light
+    sky: np.ndarray  # (R, W), fractions of the sky
 
     def places(self, camera: Camera, mask: np.ndarray) -> np.ndarray:
         """Return the points (M, 3) in m of the world that the pixels of a mask show."""
@@ -106,8 +106,8 @@ def choose_tints(
         OTHER_SHAPE_COLOURS[k % len(OTHER_SHAPE_COLOURS)] for k in range(n_shapes - 1)
     ]
     colour_of_shape = np.array([first_colour, *other_colours])
-    # Make each body lighter or darker, and more or less yellow, by random numbers with a
-    # fixed seed. The factors were chosen by eye.
+    # Make each body lighter or darker, and more or less yellow, by random numbers with
+    # a fixed seed. The factors were chosen by eye.
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, n_bodies))
     brightness = 1 + 0.16 * shade[body_of_part, None]
     yellow = np.array([0.045, 0.050, 0.004]) * ripeness[body_of_part, None]
@@ -177,7 +177,7 @@ def paint_picture(
 def _compute_light_and_sky(
     camera: Camera, bodies: Bodies, view: View
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the shares of the light and of the sky that reach each pixel.
+    """Compute the fractions of the light and of the sky that reach each pixel.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def _compute_light_and_sky(
     Returns
     -------
     lit, sky : array (H, W)
-        The shares; both are 1 in a pixel that shows nothing.
+        The fractions; both are 1 in a pixel that shows nothing.
     """
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
@@ -200,7 +200,7 @@ def _compute_light_and_sky(
     kernel_camera = (camera.eye_m, camera.axes, float(camera.focal_px))
     light_axes = _compute_light_axes(camera)
     light_map = _draw_light_map(bodies, light_axes)
-    lit = raster.compute_lit_share(
+    lit = raster.compute_lit_fraction(
         view.depth,
         view.normal,
         kernel_camera,
@@ -208,13 +208,14 @@ def _compute_light_and_sky(
         light_axes,
         light_map.origin,
         light_map.pixel_m,
-        SOFTNESS_SHARE * bodies.largest_m,
-        BIAS_SHARE * bodies.largest_m,
+        SOFTNESS_FRACTION * bodies.largest_m,
+        BIAS_FRACTION * bodies.largest_m,
         LIGHT_TAPS,
     )
-    # Surfaces far from all bodies see the whole sky, so sample only the pixels near a body.
-    # Convert the reach to pixels at the nearest body, where it covers the most pixels.
-    reach_m = SKY_REACH_SHARE * bodies.largest_m
+    # Surfaces far from all bodies see the whole sky, so sample only the pixels near a
+    # body. Convert the reach to pixels at the nearest body, where it covers the most
+    # pixels.
+    reach_m = SKY_REACH_FRACTION * bodies.largest_m
     nearest_m = view.depth[view.hit].min(initial=np.inf)
     reach_px = math.ceil(reach_m * camera.focal_px / nearest_m)
     is_near_body = maximum_filter(view.hit, size=2 * reach_px + 1)
@@ -262,8 +263,8 @@ def _compute_light_axes(camera: Camera) -> np.ndarray:
     Returns
     -------
     array (3, 3)
-        Rows: two unit vectors across the light, of which the first is level, and the unit
-        vector towards the light. They are perpendicular to each other.
+        Rows: two unit vectors across the light, of which the first is level, and the
+        unit vector towards the light. They are perpendicular to each other.
     """
     towards_light = _compute_light_direction(camera)
     across = np.cross(UP, towards_light)
@@ -330,10 +331,11 @@ def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
     rays = band.rays[hit]
     sight = rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
-    # Lambert's law: the brightness is proportional to the cosine of the angle to the light.
+    # Lambert's law: the brightness is proportional to the cosine of the angle to the
+    # light.
     diffuse = np.clip(normal @ towards_light, 0, 1) * lit
-    # Blinn's highlights: a point is bright if its normal is halfway between the directions
-    # to the light and to the viewer.
+    # Blinn's highlights: a point is bright if its normal is halfway between the
+    # directions to the light and to the viewer.
     halfway = towards_light - sight
     halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
     shine = np.clip(np.sum(normal * halfway, axis=1), 0, 1)
@@ -395,7 +397,7 @@ def _paint_panels(band: Band) -> None:
     mask = band.view.panel
     steepness = 0.80 + 0.20 * np.clip(band.view.normal[mask][:, 2], 0, 1)
     tone = (band.tone(mask) * steepness)[:, None]
-    band.image[mask] = PLATE_COLOUR * 1.13 * PANEL_SHARE * tone
+    band.image[mask] = PLATE_COLOUR * 1.13 * PANEL_FRACTION * tone
 
 
 # --- Walls of glass -------------------------------------------------------------------
@@ -451,8 +453,8 @@ def _find_cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[Co
     rotation = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye = (camera.eye_m - wall.frame[:3]) @ rotation
     local_rays = rays @ rotation
-    # Compute the radius of the cone at the height of the eye, and its increase along each
-    # ray.
+    # Compute the radius of the cone at the height of the eye, and its increase along
+    # each ray.
     radius = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)
     radius_gain = wall.slope * local_rays[..., 2]
     # A point eye + t * ray is on the cone where a t^2 + 2 b t + c = 0.

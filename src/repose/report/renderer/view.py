@@ -204,8 +204,8 @@ def _compute_panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.
     corners = panel.corners_m
     next_corners = np.roll(corners, -1, axis=0)
     along_normal = rays @ normal
-    # For a ray parallel to the panel, the division is by zero, but the comparisons below
-    # reject such a ray.
+    # For a ray parallel to the panel, the division is by zero, but the comparisons
+    # below reject such a ray.
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = ((corners[0] - eye) @ normal) / along_normal
         is_inside = (along_normal < 0) & (depth > 0)

@@ -196,8 +196,8 @@ def compute_probabilities(
     Returns
     -------
     dict
-        Probabilities that the means lie `within_1_percent` and `within_2_percent` of all
-        targets, and `inside` all ranges.
+        Probabilities that the means lie `within_1_percent` and `within_2_percent` of
+        all targets, and `inside` all ranges.
     """
     probabilities = {}
     for percent, column in WITHIN_COLUMNS.items():

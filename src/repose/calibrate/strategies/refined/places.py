@@ -86,9 +86,9 @@ def draw_near_targets(
     )
 
     # Draw places by their probabilities. If the targets are out of reach, all
-    # probabilities are about 0. Then a small additional weight decides, which falls from
-    # the nearest place to the last one. The smallest positive float keeps every weight
-    # above 0.
+    # probabilities are about 0. Then a small additional weight decides, which falls
+    # from the nearest place to the last one. The smallest positive float keeps every
+    # weight above 0.
     nearness = np.arange(len(nearest), 0, -1) / len(nearest)
     weight = probability + np.finfo(float).tiny + NEARNESS_WEIGHT * nearness
     rows = random.choice(len(nearest), count, replace=False, p=weight / weight.sum())

@@ -1,7 +1,7 @@
 """The strategy `response_surface`, the usual way in the field.
 
-Its steps are a Plackett-Burman screening, the steepest ascent, a response surface with its
-optimum, and a check.
+Its steps are a Plackett-Burman screening, the steepest ascent, a response surface with
+its optimum, and a check.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # Tables of the models of a step.
 ANALYSIS_TABLES = ("anova", "effects", "statistics")
 # The smallest number of parameters of each design of a surface.
-FEWEST_FACTORS = {"box_behnken": 3, "rotatable": 2, "face_centred": 2}
+MIN_FACTORS = {"box_behnken": 3, "rotatable": 2, "face_centred": 2}
 
 
 class ResponseSurfaceSettings(Section):
@@ -80,7 +80,7 @@ class ResponseSurfaceSettings(Section):
     @property
     def fewest_factors(self) -> int:
         """The smallest number of factors of the surface."""
-        return FEWEST_FACTORS[self.surface]
+        return MIN_FACTORS[self.surface]
 
     def coded(self, factors: int) -> tuple["np.ndarray", float]:
         """Make the design of the surface for a number of factors.
@@ -144,9 +144,7 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
         design = section.surface
         fewest_factors = section.fewest_factors
         if free < fewest_factors:
-            fitting = [
-                name for name, fewest in FEWEST_FACTORS.items() if fewest <= free
-            ]
+            fitting = [name for name, fewest in MIN_FACTORS.items() if fewest <= free]
             choice = " or ".join(fitting) or "another strategy"
             parameters = "parameter" if free == 1 else "parameters"
             yield (

@@ -248,8 +248,8 @@ def choose_factors(models: list[Model], section: ResponseSurfaceSettings) -> lis
     """Choose the parameters of the next steps, the most significant first.
 
     A parameter is significant if its effect on at least one response is. If there are
-    fewer significant parameters than the surface needs, the next ones are added. At most
-    `most_factors` are kept.
+    fewer significant parameters than the surface needs, the next ones are added. At
+    most `most_factors` are kept.
     """
     p_of_models = [list_effects(model).set_index("term")["p"] for model in models]
     # Rank each factor by its most significant effect. Ties keep the usual order.

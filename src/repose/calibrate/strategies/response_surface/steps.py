@@ -135,8 +135,8 @@ def make_region(
     space : ParameterSpace
         The parameters of the study.
     convert_to_unit : callable
-        Function that converts points (n, factors) in coded units to points (n, d) of the
-        unit cube.
+        Function that converts points (n, factors) in coded units to points (n, d) of
+        the unit cube.
     factors : int
         Number of factors that the step varies.
 

@@ -324,8 +324,8 @@ def predict_at_optimum(
     -------
     pandas.DataFrame
         `response`, `target`, `predicted`, `standard_error`, and the ends of two 95 %
-        intervals. The true mean lies between `mean_low` and `mean_high`, and the mean of
-        the runs of the check between `low` and `high`, if the model is right.
+        intervals. The true mean lies between `mean_low` and `mean_high`, and the mean
+        of the runs of the check between `low` and `high`, if the model is right.
     """
     point = best.coded[None]
     table = pd.DataFrame({"response": targets.names, "target": targets.aim})

@@ -28,10 +28,11 @@ N_CANDIDATES = 2048
 # The search continues around the N_KEPT best points, with N_AROUND new points for each.
 N_KEPT = 8
 N_AROUND = 64
-# Standard deviations of the new points about the best ones, as shares of the ranges.
+# Standard deviations of the new points about the best ones, as fractions of the ranges.
 # The search has a step for each of them.
 STEP_SDS = (0.1, 0.03, 0.01)
-# Standard deviation of the points of a batch about the answer, in shares of the prior.
+# Standard deviation of the points of a batch about the answer, in fractions of the
+# prior.
 BATCH_SD = 0.1
 # Limits of the probability that any point meets the targets. If it is below
 # DOUBTFUL_PROBABILITY, half a batch is simulated where the draws of the model come
@@ -41,9 +42,9 @@ DOUBTFUL_PROBABILITY = 0.8
 UNREACHABLE_PROBABILITY = 0.3
 # Points count as the same if their distance, in ranges, is smaller than this.
 SAME_DISTANCE = 1e-9
-# A point lies at an end of a range if it is at most this share of the range away from
-# it.
-END_SHARE = 1e-3
+# A point lies at an end of a range if it is at most this fraction of the range away
+# from it.
+END_FRACTION = 1e-3
 # Seed of the search for the nearest point.
 NEAREST_SEED = 1
 # If further runs can raise the probability by less than this, the noise is the limit.
@@ -118,8 +119,8 @@ def make_start(
 ) -> np.ndarray:
     """Make the first points (n, d) in the unit cube.
 
-    The points are a Latin hypercube that is moved to the distribution of the priors. With
-    constraints they are spread over the allowed part of the cube instead.
+    The points are a Latin hypercube that is moved to the distribution of the priors.
+    With constraints they are spread over the allowed part of the cube instead.
     """
 
     def design_of(size: int) -> np.ndarray:
@@ -323,7 +324,7 @@ def find_nearest_ends(points: np.ndarray) -> np.ndarray:
     """
     ends = np.full(points.shape[1], np.nan)
     for end in (0.0, 1.0):
-        share = (np.abs(points - end) <= END_SHARE).mean(axis=0)
+        share = (np.abs(points - end) <= END_FRACTION).mean(axis=0)
         ends[share >= 0.5] = end
     return ends
 
@@ -334,7 +335,7 @@ def has_run_at(ends: np.ndarray, simulated: np.ndarray) -> bool:
     `ends` (d,) is a result of `find_nearest_ends`.
     """
     is_end = np.isfinite(ends)
-    is_there = np.abs(simulated[:, is_end] - ends[is_end]) <= END_SHARE
+    is_there = np.abs(simulated[:, is_end] - ends[is_end]) <= END_FRACTION
     return bool(is_there.all(axis=1).any())
 
 
@@ -347,8 +348,8 @@ def _move_to_ends(
     """Return the batch with its first point moved to the ends.
 
     The verdict that the targets are out of reach is then based on a run at these ends.
-    The batch is returned unchanged if a sample already lies there, or if the moved point
-    is forbidden.
+    The batch is returned unchanged if a sample already lies there, or if the moved
+    point is forbidden.
     """
     if has_run_at(ends, observed.simulated) or not len(batch):
         return batch
@@ -371,8 +372,8 @@ def find_nearest(
     """Find the point (d,) with the smallest expected deviation from the targets.
 
     The deviation is Eq. 11 of the paper, without a prior. Only points near samples are
-    considered. Far from all samples, as in the corners of a Box-Behnken design, the model
-    is so uncertain that any point may seem near.
+    considered. Far from all samples, as in the corners of a Box-Behnken design, the
+    model is so uncertain that any point may seem near.
 
     Parameters
     ----------
@@ -455,8 +456,8 @@ def rank_points(
 ) -> ScoredPoints:
     """Score points all over the ranges, and then points around the best of them.
 
-    The score is `Goal.score`. It is minus infinity for a point that is nearer to a failed
-    sample than to a good one.
+    The score is `Goal.score`. It is minus infinity for a point that is nearer to a
+    failed sample than to a good one.
     """
     from scipy.stats import qmc
 
@@ -499,11 +500,11 @@ def _draw_around(
     observed: ObservedSamples,
     random: Generator,
 ) -> np.ndarray:
-    """Draw points around the answer, with normal distances in shares of the prior.
+    """Draw points around the answer, with normal distances in fractions of the prior.
 
     Because they differ from the answer, the model learns slopes as well as the mean.
     """
-    # In shares of the prior, 0.1 on each side is a tenth of its probability.
+    # In fractions of the prior, 0.1 on each side is a tenth of its probability.
     centre = goal.space.prior_cdf(answer[None])
     shape = (N_AROUND * n_samples, len(answer))
     shares = np.clip(centre + BATCH_SD * random.standard_normal(shape), 0, 1)

@@ -135,9 +135,9 @@ class Goal(NamedTuple):
     def estimate_reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
         """Estimate how probably the answer can meet the goal after further runs.
 
-        Let C be the covariance of a mean and N that of a single run. Then p further runs
-        at the point reduce C to R = (C^-1 + p N^-1)^-1. With luck, they also move the
-        mean towards the target. The move has the covariance C - R, and is at most
+        Let C be the covariance of a mean and N that of a single run. Then p further
+        runs at the point reduce C to R = (C^-1 + p N^-1)^-1. With luck, they also move
+        the mean towards the target. The move has the covariance C - R, and is at most
         `LUCKY_SDS` standard deviations.
 
         Parameters

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.samples import CombinedOutputs
 
-PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance (S04)
+PRIOR_DEGREES_OF_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance (S04)
 # Prior of the logarithm of a length (H24). Half the logarithm of d is added to the
 # mean.
 LENGTH_LOG_MEAN = math.sqrt(2) - 3
@@ -38,8 +38,8 @@ LENGTH_LOG_SD = math.sqrt(3)
 # Prior standard deviation of the logarithm of a process's variance. The prior is
 # centred on the variance of the means without noise.
 VARIANCE_LOG_SD = 1.0
-# Smallest variance without noise, as a share of the variance of the means. It is used
-# where the noise seems to explain the whole variance.
+# Smallest variance without noise, as a fraction of the variance of the means. It is
+# used where the noise seems to explain the whole variance.
 MIN_SIGNAL = 0.1
 # Smoothness of Matern's covariance, whose functions are twice differentiable. Smoother
 # functions claim too much accuracy between few samples.
@@ -57,7 +57,7 @@ DIFFERENCE_STEP = 1e-3  # step of the logarithms in the finite differences
 HYPERPARAMETER_BOUNDS = (1e-3, 1e3)
 # Noise, or a combination of the responses' noises, is a rounding error if its relative
 # size is below this.
-ROUNDING_SHARE = 1e-9
+ROUNDING_FRACTION = 1e-9
 MIN_SAMPLES = 2
 # The work for an exact process grows with the cube of the number of samples. With more
 # than MAX_EXACT_SAMPLES, variance and lengths are therefore estimated from a random
@@ -105,7 +105,7 @@ class ObservedSamples(NamedTuple):
         return np.where(self.good[:, :, None], self.values - self.means[:, None], 0.0)
 
     @property
-    def freedom(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Degrees of freedom of the noise: good runs minus samples."""
         return int(self.counts.sum() - len(self.unit))
 
@@ -116,9 +116,11 @@ class ObservedSamples(NamedTuple):
         Residuals as small as the rounding errors of the means are not noise.
         """
         residuals = self.residuals.reshape(-1, self.values.shape[2])
-        variances = np.diagonal(residuals.T @ residuals / max(self.freedom, 1))
+        variances = np.diagonal(
+            residuals.T @ residuals / max(self.degrees_of_freedom, 1)
+        )
         sd = np.sqrt(variances)
-        return sd <= ROUNDING_SHARE * np.abs(self.means).max(axis=0)
+        return sd <= ROUNDING_FRACTION * np.abs(self.means).max(axis=0)
 
     def is_sound(self, unit: np.ndarray) -> np.ndarray:
         """Mark points (m, d) at least as near to a good sample as to a failed one."""
@@ -148,12 +150,12 @@ class ObservedSamples(NamedTuple):
         k = self.values.shape[2]
         # The residual of a missing run is 0, which does not change the sums.
         residuals = self.residuals.reshape(-1, k)
-        if self.freedom <= k:
+        if self.degrees_of_freedom <= k:
             raise ValueError(
-                f"{self.freedom} pours beyond the first of each sample; "
+                f"{self.degrees_of_freedom} pours beyond the first of each sample; "
                 f"expected at least {k + 1}"
             )
-        covariance = residuals.T @ residuals / self.freedom
+        covariance = residuals.T @ residuals / self.degrees_of_freedom
         sd = np.sqrt(np.diagonal(covariance))
         if self.alike.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
             raise ValueError(
@@ -164,7 +166,7 @@ class ObservedSamples(NamedTuple):
 
 def _has_full_rank(correlation: np.ndarray) -> bool:
     """Return whether a matrix of correlations (k, k) is positive definite."""
-    return not np.linalg.eigvalsh(correlation)[0] < ROUNDING_SHARE
+    return not np.linalg.eigvalsh(correlation)[0] < ROUNDING_FRACTION
 
 
 class Kriging(CombinedOutputs):
@@ -369,12 +371,16 @@ def _estimate_mean_variances(
     """Estimate the variances (n, k) of the samples' means in each combination (S04).
 
     The columns of `mixing` are the combinations. In each of them, the noise of all
-    samples has the variance 1. This value counts as much as `PRIOR_FREEDOM` degrees of
-    freedom, in addition to those of the sample itself.
+    samples has the variance 1. This value counts as much as `PRIOR_DEGREES_OF_FREEDOM`
+    degrees of freedom, in addition to those of the sample itself.
     """
     squares = ((observed.residuals @ mixing) ** 2).sum(axis=1)
     counts = observed.counts[:, None]
-    return (PRIOR_FREEDOM + squares) / (PRIOR_FREEDOM + counts - 1) / counts
+    return (
+        (PRIOR_DEGREES_OF_FREEDOM + squares)
+        / (PRIOR_DEGREES_OF_FREEDOM + counts - 1)
+        / counts
+    )
 
 
 def _estimate_factor(
@@ -552,13 +558,13 @@ def _find_most_probable_kernel(
         make_smooth_kernel,
     )
 
-    # Start at the centre of the prior. The means have the variance 1, which is the sum of
-    # the variances of the signal and of the noise.
+    # Start at the centre of the prior. The means have the variance 1, which is the sum
+    # of the variances of the signal and of the noise.
     d = unit.shape[1]
     log_length = LENGTH_LOG_MEAN + 0.5 * math.log(d)
     signal = max(1 - errors.mean(), MIN_SIGNAL)
-    # A coordinate of a point is uniform over a width of 1, so its variance is 1/12. With
-    # this slope, the linear part has a prior variance of 1, like the means.
+    # A coordinate of a point is uniform over a width of 1, so its variance is 1/12.
+    # With this slope, the linear part has a prior variance of 1, like the means.
     slope = math.sqrt(12 / d)
     lengths = np.full(d, math.exp(log_length))
     kernel = make_linear_kernel(slope) + make_smooth_kernel(

@@ -1,10 +1,10 @@
 """Find the noise of a single run: from replicates, from the user, or from single runs.
 
-Without replicates, the noise is estimated from the scatter of single runs about a smooth
-surface. The surface is a Gaussian process whose errors have one unknown variance, the
-nugget (Rasmussen & Williams 2006, section 2.2). A rough surface without noise fits a few
-runs as well as a smooth surface with noise. So the estimate is an average over all shares
-of noise that the runs allow.
+Without replicates, the noise is estimated from the scatter of single runs about a
+smooth surface. The surface is a Gaussian process whose errors have one unknown
+variance, the nugget (Rasmussen & Williams 2006, section 2.2). A rough surface without
+noise fits a few runs as well as a smooth surface with noise. So the estimate is an
+average over all fractions of noise that the runs allow.
 
 The kernel differs from that of `repose.calibrate.strategies.sequential.kriging`, where
 the noise is known. The lengths of that kernel have a prior but no bound, so they may be
@@ -20,7 +20,7 @@ import numpy as np
 from repose.calibrate.strategies.sequential.kriging import (
     HYPERPARAMETER_BOUNDS,
     MAX_EXACT_SAMPLES,
-    ROUNDING_SHARE,
+    ROUNDING_FRACTION,
     SMOOTHNESS,
     ObservedSamples,
     draw_subset,
@@ -33,11 +33,11 @@ REPLICATES = "replicates"
 USER_GIVEN = "noise_sd"
 ESTIMATED = "estimated from single runs"
 RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
-# Candidates for the share of the runs' variance that is noise. They are equally probable
-# a priori.
-NOISE_SHARES = np.geomspace(1e-4, 1.0, 9)
+# Candidates for the fraction of the runs' variance that is noise. They are equally
+# probable a priori.
+NOISE_FRACTIONS = np.geomspace(1e-4, 1.0, 9)
 # A finer grid of candidates, which many samples can distinguish.
-FINE_NOISE_SHARES = np.geomspace(1e-4, 1.0, 401)
+FINE_NOISE_FRACTIONS = np.geomspace(1e-4, 1.0, 401)
 # Bounds of the surface's lengths, in ranges of a parameter: shorter waves look like
 # noise.
 LENGTH_BOUNDS = (0.3, 30.0)
@@ -110,7 +110,7 @@ def find_noise(
             allowed="runs that did not fail",
         )
     runs_of_samples = observed.counts
-    has_replicates = observed.freedom > len(names)
+    has_replicates = observed.degrees_of_freedom > len(names)
     if has_replicates:
         try:
             covariance = observed.estimate_noise()
@@ -162,7 +162,7 @@ def _require_enough_samples(
     if n_samples >= fewest:
         return
     key = "runs beyond the first of a sample"
-    value: object = observed.freedom
+    value: object = observed.degrees_of_freedom
     needed = (
         f"at least {len(names) + 1}: replicates, rows with the same parameters, "
         "determine the noise"
@@ -193,7 +193,7 @@ def _require_enough_samples(
 def estimate_nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
     """Estimate the variance of a run about a smooth surface.
 
-    The estimate is the mean over `NOISE_SHARES`, weighted by their evidence.
+    The estimate is the mean over `NOISE_FRACTIONS`, weighted by their evidence.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def estimate_nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> 
 
 @lru_cache(maxsize=32)
 def _estimate_cached_nugget(
-    unit_bytes: bytes, means_bytes: bytes, shares_bytes: bytes, d: int
+    unit_bytes: bytes, means_bytes: bytes, fractions_bytes: bytes, d: int
 ) -> float:
     """Compute the result of `estimate_nugget` from arrays that are passed as bytes.
 
@@ -222,7 +222,7 @@ def _estimate_cached_nugget(
 
     Parameters
     ----------
-    unit_bytes, means_bytes, shares_bytes : bytes
+    unit_bytes, means_bytes, fractions_bytes : bytes
         The arrays of `estimate_nugget`.
     d : int
         Number of parameters, the columns of `unit`.
@@ -236,10 +236,10 @@ def _estimate_cached_nugget(
 
     unit = np.frombuffer(unit_bytes).reshape(-1, d)
     means = np.frombuffer(means_bytes)
-    shares = np.frombuffer(shares_bytes)
+    shares = np.frombuffer(fractions_bytes)
 
     # Scale the means to variance 1, unless their differences are mere rounding errors.
-    rounding_error = ROUNDING_SHARE * float(np.abs(means).max())
+    rounding_error = ROUNDING_FRACTION * float(np.abs(means).max())
     scale = max(float(means.std()), rounding_error, MIN_SCALE)
     values = (means - means.mean()) / scale
 
@@ -250,15 +250,15 @@ def _estimate_cached_nugget(
     )
     if len(unit) > MAX_EXACT_SAMPLES:
         log_evidence = _interpolate_evidence(kernel, unit, values, shares)
-        candidates = FINE_NOISE_SHARES
+        candidates = FINE_NOISE_FRACTIONS
     else:
         log_evidence = np.array(
             [
                 Process(kernel, unit, values, errors=share * shares).log_likelihood
-                for share in NOISE_SHARES
+                for share in NOISE_FRACTIONS
             ]
         )
-        candidates = NOISE_SHARES
+        candidates = NOISE_FRACTIONS
     weights = np.exp(log_evidence - log_evidence.max())
     return float(weights @ candidates / weights.sum()) * scale**2
 
@@ -266,11 +266,12 @@ def _estimate_cached_nugget(
 def _interpolate_evidence(
     kernel: Any, unit: np.ndarray, values: np.ndarray, shares: np.ndarray
 ) -> np.ndarray:
-    """Compute the log evidence of `FINE_NOISE_SHARES`, for many samples.
+    """Compute the log evidence of `FINE_NOISE_FRACTIONS`, for many samples.
 
     To save time, variance and lengths are fitted to a subset of the samples. The
-    evidence is that of all samples. Many samples can distinguish noise shares that lie
-    between the `NOISE_SHARES`, so a spline interpolates the evidence between them.
+    evidence is that of all samples. Many samples can distinguish noise fractions that
+    lie between the `NOISE_FRACTIONS`, so a spline interpolates the evidence between
+    them.
 
     Parameters
     ----------
@@ -285,7 +286,7 @@ def _interpolate_evidence(
     Returns
     -------
     array
-        The log evidence of each of `FINE_NOISE_SHARES`.
+        The log evidence of each of `FINE_NOISE_FRACTIONS`.
     """
     from scipy.interpolate import CubicSpline
 
@@ -293,11 +294,13 @@ def _interpolate_evidence(
 
     rows = draw_subset(len(unit))
     log_evidence = []
-    for share in NOISE_SHARES:
+    for share in NOISE_FRACTIONS:
         errors = share * shares
         # The fit to the subset finds variance and lengths. With these, the evidence of
         # all samples needs no further fit.
         fit = Process(kernel, unit[rows], values[rows], errors=errors[rows])
         process = Process(fit.kernel, unit, values, errors=errors, optimizer=None)
         log_evidence.append(process.log_likelihood)
-    return CubicSpline(np.log(NOISE_SHARES), log_evidence)(np.log(FINE_NOISE_SHARES))
+    return CubicSpline(np.log(NOISE_FRACTIONS), log_evidence)(
+        np.log(FINE_NOISE_FRACTIONS)
+    )

@@ -53,7 +53,8 @@ def estimate_reach(model: Kriging, goal: Goal, random: np.random.Generator) -> R
     """Estimate the probability that any parameter set meets the goal.
 
     The model is uncertain, so it draws random functions of the parameters. The
-    probability is the share of these functions whose best parameter set meets the goal.
+    probability is the fraction of these functions whose best parameter set meets the
+    goal.
 
     Parameters
     ----------
@@ -238,9 +239,9 @@ def _draw_prior(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Draw functions from the prior of a process by random features (RR08).
 
-    A function is the sum of a constant, a linear part, and a smooth part. The smooth part
-    is a sum of cosines with random frequencies and phases, which approximates the Matern
-    covariance.
+    A function is the sum of a constant, a linear part, and a smooth part. The smooth
+    part is a sum of cosines with random frequencies and phases, which approximates the
+    Matern covariance.
 
     Parameters
     ----------
@@ -264,11 +265,13 @@ def _draw_prior(
     slope_variance = linear.k1.constant_value
     variance = smooth.k1.constant_value
     matern = smooth.k2
-    # Draw frequencies, phases and amplitudes of the cosines. The frequencies of the Matern
-    # covariance have Student's t distribution.
-    freedom = 2 * SMOOTHNESS
+    # Draw frequencies, phases and amplitudes of the cosines. The frequencies of the
+    # Matern covariance have Student's t distribution.
+    degrees_of_freedom = 2 * SMOOTHNESS
     frequencies = random.standard_normal((N_FEATURES, d)) / matern.length_scale
-    frequencies /= np.sqrt(random.chisquare(freedom, (N_FEATURES, 1)) / freedom)
+    frequencies /= np.sqrt(
+        random.chisquare(degrees_of_freedom, (N_FEATURES, 1)) / degrees_of_freedom
+    )
     phases = 2 * np.pi * random.random(N_FEATURES)
     amplitudes = np.sqrt(2 * variance / N_FEATURES) * random.standard_normal(
         (N_FEATURES, n_functions)

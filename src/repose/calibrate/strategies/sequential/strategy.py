@@ -326,8 +326,8 @@ def arrange_runs(
     sample_index, samples = pd.factorize(data["sample"])
     runs_of_sample = np.bincount(sample_index)
 
-    # Put the runs with any response into an array (samples, runs, responses). It has NaN
-    # where a response is missing, or where a sample has fewer runs than others.
+    # Put the runs with any response into an array (samples, runs, responses). It has
+    # NaN where a response is missing, or where a sample has fewer runs than others.
     has_response = data[names].notna().any(axis=1).to_numpy()
     run_index = data[has_response].groupby("sample").cumcount().to_numpy()
     most_runs = int(run_index.max(initial=0)) + 1
