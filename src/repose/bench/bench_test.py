@@ -54,7 +54,9 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """The numbers by which a run is judged. Each bench test adds further numbers.
+    """The measurements by which a run is accepted or rejected.
+
+    Each bench test adds further ones.
 
     Attributes
     ----------
@@ -83,12 +85,12 @@ OK = Verdict("ok")
 def not_at_rest(
     energy_j: float, settings: SceneSettings, *, advice: str, when: str = ""
 ) -> Verdict | None:
-    """Judge whether the grains of a run are at rest.
+    """Check whether the grains are at rest, and return a verdict if they are not.
 
     Parameters
     ----------
     energy_j : float
-        Mean kinetic energy of a grain. If it is NaN, the grains are not at rest.
+        Mean kinetic energy of a grain. If it is NaN, the grains count as not at rest.
     settings : SceneSettings
         Sections of the configuration, with the limit of the energy.
     advice : str
@@ -101,9 +103,10 @@ def not_at_rest(
     Returns
     -------
     Verdict or None
-        The fault; None if the grains are at rest.
+        The status ``not_at_rest`` with its reason; None if the grains are at rest.
     """
     limit_j = settings.simulation.rest_energy_j
+    # This comparison is false if the energy is NaN.
     if energy_j <= limit_j:
         return None
     return Verdict(
@@ -176,12 +179,12 @@ class BenchTest(ABC, Generic[S]):
         scene : Scene
             Settings, parameters, grain and seed of the run.
         largest_radius_m : float
-            Bounding radius of the largest grain.
+            Radius of a ball that contains the largest grain in any orientation.
 
         Returns
         -------
         dict
-            Arguments of `repose.dem.Simulation`.
+            Arguments of `repose.dem.Simulation`, by their names.
         """
 
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
@@ -192,7 +195,7 @@ class BenchTest(ABC, Generic[S]):
         scene : Scene
             Settings, parameters, grain and seed of the run.
         largest_scale : float, optional
-            Relative size of the largest grain for which there is room.
+            Relative size of the largest grain for which the simulation has room.
         """
         largest_radius_m = largest_scale * scene.particle.bounding_radius_m
         return grain_simulation(
@@ -219,11 +222,17 @@ class BenchTest(ABC, Generic[S]):
         """
 
     def judge(self, outcome: Any, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured, and return its gravest fault."""
+        """Check a stable run before it is measured, and return its status.
+
+        A subclass returns the status of the first check that fails.
+        """
         return OK
 
     def status_of(self, outcome: Outcome, settings: SceneSettings) -> Verdict:
-        """Judge a run before it is measured. A stable run is judged by `judge`."""
+        """Return the status of a run before it is measured.
+
+        A run that exceeded a limit is unstable. `judge` checks any other run.
+        """
         if outcome.unstable:
             return Verdict("unstable", outcome.unstable)
         return self.judge(outcome, settings)
@@ -236,14 +245,14 @@ class BenchTest(ABC, Generic[S]):
         frames: Any = None,
         **numbers: float,
     ) -> Run:
-        """Judge a run and write its record.
+        """Check a run before it is measured, and write its record.
 
         Parameters
         ----------
         scene : Scene
             Settings, parameters, grain and seed of the run.
         outcome : Outcome
-            The numbers by which the run is judged.
+            The measurements by which the run is accepted or rejected.
         arrays : dict
             Arrays of the run, by name.
         frames : mapping, optional
@@ -318,7 +327,9 @@ class BenchTest(ABC, Generic[S]):
         settings: SceneSettings,
         reasons: Mapping[str, str],
     ) -> dict[str, str]:
-        """Find the first target for which a measured run has no number.
+        """Find the first target for which a run has no number.
+
+        Such a run gets another status. The caller merges the result into the record.
 
         Parameters
         ----------
@@ -332,8 +343,8 @@ class BenchTest(ABC, Generic[S]):
         Returns
         -------
         dict
-            ``status`` and ``reason`` of the run; empty if it has numbers for all
-            targets.
+            The new ``status`` and ``reason`` of the run. The dict is empty if the run
+            has numbers for all targets.
         """
         for target in self.target_responses(settings.config):
             name = target.name
@@ -384,20 +395,28 @@ class BenchTest(ABC, Generic[S]):
         return settings.section(self.name, self.settings)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys whose values contradict each other, with the allowed values."""
+        """Yield settings that contradict each other.
+
+        Each is a key of the configuration, with the values that are allowed for it.
+        """
         return iter(())
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of lengths that do not fit the mean grain, and the allowed values.
+        """Yield settings that do not fit the size of the mean grain.
 
         Parameters
         ----------
         settings : SceneSettings
             Sections of the configuration.
         axes_mm : sequence of float
-            Full axes of the mean grain, the longest first.
+            Full lengths of the mean grain along its three axes, the longest first.
+
+        Yields
+        ------
+        tuple of str
+            A key of the configuration, and the values that are allowed for it.
         """
         return iter(())
 

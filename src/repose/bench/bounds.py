@@ -31,7 +31,7 @@ SPEED_CHECKS_PER_FULL_CHECK = 5
 
 
 class Unstable(Exception):
-    """A limit is exceeded. The message names the grain, the time and the remedy."""
+    """An error for a run that exceeds a limit; it names the grain, time and remedy."""
 
 
 class Bounded:
@@ -49,7 +49,8 @@ class Bounded:
     Attributes
     ----------
     broken : str
-        Message about the limit that was exceeded inside `guard`; empty if none was.
+        Message about the limit that was exceeded inside `guard`. It is empty as long as
+        the run is stable.
     overlap_share : float
         Largest overlap at the last check of overlaps, over the smallest extent of the
         smaller grain. The last check of a run is made in the state that is measured.
@@ -58,30 +59,37 @@ class Bounded:
     def __init__(
         self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0
     ) -> None:
-        """Compute the limits of speed and energy from the scene; see the class."""
+        """Compute the limits of speed and energy for a scene.
+
+        The class documents the parameters.
+        """
         self.simulation = simulation
         self.speed_m_s = speed_m_s
         gravity_vector = np.asarray(simulation.physics.gravity)
         self.gravity = float(np.linalg.norm(gravity_vector))
-        # Without gravity no direction is up, and all heights are 0.
+        # Unit vector upwards. Without gravity no direction is up, and all heights are
+        # 0.
         self.up = -gravity_vector / (self.gravity or 1.0)
+        # This needs the attribute `up`.
         self.lowest_m, self.fall_m = self._find_lowest_and_fall(top_m)
-        # The speed limit is a multiple of the speed after the deepest fall, plus the
-        # largest given speed.
+        # The largest allowed speed is `SPEED_LIMIT` times the sum of two speeds: that
+        # after the deepest fall, and the largest one that a grain or a wall is given.
         fall_speed_m_s = math.sqrt(2.0 * self.gravity * self.fall_m)
         self.fastest_m_s = SPEED_LIMIT * (fall_speed_m_s + speed_m_s)
-        # The smallest extent of a grain of the scale 1
+        # The smallest extent of a grain whose scale is 1
         self.thickness_m = 2.0 * min(
             float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
         )
+        # Empty as long as no limit is exceeded
         self.broken = ""
         self.overlap_share = 0.0
         self._last_checked_step = 0
 
     def _find_lowest_and_fall(self, top_m: float) -> tuple[float, float]:
-        """Compute the lowest height in the box, and the depth of the deepest fall.
+        """Compute the smallest height in the box, and the largest possible fall.
 
-        Heights are measured against the direction of gravity, which may be tilted.
+        A height is a distance along `up`, the direction opposite to gravity. Gravity
+        may be tilted against the box.
 
         Parameters
         ----------
@@ -92,9 +100,9 @@ class Bounded:
         Returns
         -------
         lowest_m : float
-            The lowest height in the box.
+            The smallest height in the box.
         fall_m : float
-            The difference between the largest height and the lowest one.
+            The difference between the largest height and the smallest one.
         """
         lower_corner = self.simulation.lower.copy()
         # Grains may fall below the box, to the height at which they vanish.
@@ -102,8 +110,10 @@ class Bounded:
         if math.isfinite(floor_z):
             lower_corner[2] = min(lower_corner[2], floor_z)
         upper_corner = np.array([*self.simulation.upper[:2], top_m])
-        # A height is the sum of three parts, one for each axis of the box. Gravity may
-        # point in any direction, so either end of an axis may be the lower one.
+        # The height of a corner is the sum of three parts, one for each axis of the
+        # box. Gravity may point in any direction, so on each axis either end may be the
+        # lower one. The rows are the parts of both corners; sorting puts the smaller
+        # part of each axis into the first row.
         height_parts = np.sort(self.up * [lower_corner, upper_corner], axis=0)
         lowest_m, highest_m = height_parts.sum(axis=1)
         return lowest_m, float(highest_m - lowest_m)
@@ -113,7 +123,8 @@ class Bounded:
         """End the block of a ``with`` statement as soon as a limit is exceeded.
 
         The grains are also checked at the end of the block. The error `Unstable` is
-        caught, and its message is kept in `broken`.
+        caught here, so the caller goes on after the block. It finds the message in
+        `broken`.
         """
         try:
             yield
@@ -139,14 +150,15 @@ class Bounded:
         simulation = self.simulation
         full_check_interval = SPEED_CHECKS_PER_FULL_CHECK * CHECK_INTERVAL
         while simulation.steps < step:
-            # Stop at the next check, or at the given time step if it comes first.
+            # Stop at the next check, or at the given time step if that comes first.
+            # `check` updates `_last_checked_step`.
             next_check = self._last_checked_step + CHECK_INTERVAL
             next_stop = min(step, next_check)
             try:
                 simulation.run_steps(next_stop - simulation.steps)
             except RuntimeError as error:
-                # The engine raises this error for a contact whose force is not a
-                # number.
+                # The engine raises this error if bodies overlap so much that a list of
+                # contacts overflows within one time step.
                 raise Unstable(
                     f"{error}, {self._describe_time()}: {self._describe_remedy()}"
                 ) from None
@@ -168,6 +180,8 @@ class Bounded:
         Unstable
             If a limit is exceeded.
         """
+        # A check of an empty simulation counts as well: `run_to` plans the next one
+        # from here.
         self._last_checked_step = self.simulation.steps
         if not self.simulation.n_bodies:
             return
@@ -177,12 +191,13 @@ class Bounded:
             self._check_overlaps()
 
     def _check_speeds(self) -> None:
-        """Check that all positions are finite, and that no grain is too fast.
+        """Check that the state of all grains is finite, and that none is too fast.
 
         Raises
         ------
         Unstable
-            If the fastest grain is too fast. The message names it.
+            If the fastest grain is faster than `fastest_m_s` [m/s], or if a position or
+            speed is not finite. The message gives the number of the grain.
         """
         simulation = self.simulation
         squared_speeds = np.square(simulation.velocities).sum(axis=1)
@@ -207,10 +222,11 @@ class Bounded:
         )
 
     def _check_energy(self) -> None:
-        """Check that the grains have no more energy than they can have received.
+        """Check that the grains do not have more energy than they can have received.
 
-        A grain can have received the energy of a fall from the top of the scene, and
-        the kinetic energy of the largest speed that grains or walls are given.
+        A grain can have received at most the energy of the deepest fall (`fall_m`), and
+        the kinetic energy of the largest speed that grains or walls are given
+        (`speed_m_s`).
 
         Raises
         ------
@@ -219,17 +235,23 @@ class Bounded:
             with the largest kinetic energy.
         """
         simulation = self.simulation
+        # Mask of the grains that have not been removed
         present = simulation.present
         kinetic_j = simulation.kinetic_energies()[present]
         masses_kg = simulation.masses_kg[present]
         heights_m = simulation.positions[present] @ self.up - self.lowest_m
+        # The energy of all grains: kinetic, and potential above the smallest height
         total_j = float(kinetic_j.sum() + self.gravity * np.sum(masses_kg * heights_m))
+        # The largest energy that they can have received
         given_j_per_kg = self.gravity * self.fall_m + 0.5 * self.speed_m_s**2
         given_j = float(masses_kg.sum()) * given_j_per_kg
+        # A sum that is NaN passes this check. `_check_speeds` finds states that are not
+        # finite.
         if not total_j > (1.0 + ENERGY_TOLERANCE) * given_j:
             return
-        # The message names the grain with the largest kinetic energy, because it is the
-        # most likely cause.
+        # The grain with the largest kinetic energy is the most likely cause.
+        # `kinetic_j` has only present grains, so convert its index to that of all
+        # grains.
         suspect = int(np.flatnonzero(present)[np.argmax(kinetic_j)])
         suspect_j = float(kinetic_j.max())
         raise Unstable(
@@ -242,7 +264,8 @@ class Bounded:
         """Check that no grain passes through another one or through a wall.
 
         The check sets `overlap_share` to the largest overlap of all contacts, as a
-        fraction of the thickness of the grain.
+        fraction of the smallest extent of the grain. `_find_excessive_overlap` updates
+        it, first for pairs of grains and then for contacts with walls.
 
         Raises
         ------
@@ -251,6 +274,7 @@ class Bounded:
             them.
         """
         simulation = self.simulation
+        # Forget the overlaps of the last check.
         self.overlap_share = 0.0
 
         # The overlap of two grains is compared with the thickness of the smaller grain.
@@ -298,15 +322,15 @@ class Bounded:
     ) -> int | None:
         """Find the deepest overlap if it is too deep for a contact.
 
-        The attribute `overlap_share` becomes the fraction of the deepest overlap if
-        that is larger than its present value.
+        The attribute `overlap_share` is raised to the fraction of this overlap if that
+        is larger than its present value.
 
         Parameters
         ----------
         overlaps : array
             Overlaps (M,) [m]. The array may be empty.
         scales : array
-            Relative sizes (M,) of the grains with which the overlaps are compared.
+            Relative sizes (M,) of the grains whose smallest extent limits the overlaps.
 
         Returns
         -------

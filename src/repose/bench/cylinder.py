@@ -101,7 +101,7 @@ TAPPED = _make_density_response(
 
 
 class CylinderSettings(Poured):
-    """The section `cylinder` of the configuration; config/README.md explains its keys."""
+    """The section `cylinder` of the configuration; see config/README.md."""
 
     duration_s: float = Field(
         ge=0.1,
@@ -184,7 +184,7 @@ class Vessel:
         shares: np.ndarray | Sequence[float],
         margin_m: float = 0.0,
     ) -> float:
-        """Compute the bulk density of the grains in the cylinder or in its core [kg/m3].
+        """Compute the bulk density of the cylinder or of its core [kg/m3].
 
         Parameters
         ----------
@@ -196,6 +196,7 @@ class Vessel:
             Distance of the core from wall, floor and rim; 0 for the whole cylinder.
         """
         radius = self.radius_m - margin_m
+        # The core keeps the margin from the floor and from the rim.
         height = self.height_m - 2.0 * margin_m
         mass = float(np.asarray(masses_kg) @ np.asarray(shares, float))
         return mass / (math.pi * radius**2 * height)
@@ -214,9 +215,10 @@ class Vessel:
     ) -> np.ndarray:
         """Estimate the fraction of each grain's volume that lies in the core.
 
-        The estimate is the fraction of up to `MOST_POINTS` points of the body that lie
-        in the core. Its root mean square error is 0.003 for a grain that the boundary
-        of the core cuts. The relative error of the core's density is below 1e-3.
+        It is the fraction of points in the grain (`spread_points`) that lie in the
+        core. With `MOST_POINTS` points, its root mean square error is 0.003 for a grain
+        that the boundary of the core cuts. The relative error of the core's density is
+        then below 1e-3.
 
         Parameters
         ----------
@@ -224,14 +226,14 @@ class Vessel:
             Arrays of a run: ``position`` (N, 3) [m], ``quaternion`` (N, 4) and
             ``scale`` (N,).
         particle : Particle
-            Body of the grains.
+            Body that represents each grain.
         margin_m : float
             Distance of the core from wall, floor and rim.
 
         Returns
         -------
         array
-            Shares (N,).
+            The fractions (N,), from 0 to 1.
         """
         centres = np.asarray(arrays["position"], float)
         quaternions = np.asarray(arrays["quaternion"], float)
@@ -249,17 +251,16 @@ class Vessel:
 
 
 def spread_points(particle: "Particle") -> np.ndarray:
-    """Spread points evenly over the volume of a body.
+    """Make points that lie evenly in the volume of a body.
 
-    A Kronecker sequence fills the bounding box of the body, more evenly than random
-    points would. The first `MOST_POINTS` of its points that lie in the body are
-    returned, or fewer if the body fills little of its box. The sequence is always the
-    same.
+    A Kronecker sequence, whose points lie more evenly than random ones, fills the
+    bounding box of the body. Up to `MOST_POINTS` of its points lie in the body and are
+    returned. The sequence is always the same.
 
     Parameters
     ----------
     particle : Particle
-        The body.
+        The body. Its `axes_m` are its full extents along x, y and z.
 
     Returns
     -------
@@ -267,14 +268,16 @@ def spread_points(particle: "Particle") -> np.ndarray:
         Points (P, 3) [m] in the frame of the body, with P up to `MOST_POINTS`.
     """
     # A Kronecker sequence takes equal steps along each axis. Its fractional parts fill
-    # the unit cube evenly if the steps are these powers of the root.
+    # the unit cube evenly if the steps are the powers -1, -2 and -3 of
+    # `KRONECKER_ROOT`.
     steps = KRONECKER_ROOT ** -np.arange(1.0, 4.0)
-    # Make four times as many points as needed, so that a body which fills only a
+    # Make nearly four times as many points as needed, so that a body which fills only a
     # quarter of its box still gets enough of them.
     point_numbers = np.arange(1.0, 4 * MOST_POINTS)
     unit_cube_points = np.outer(point_numbers, steps) % 1.0
 
-    # Stretch the unit cube to the bounding box of the body.
+    # Stretch the unit cube to the bounding box of the body. The box reaches as far
+    # along -x, -y and -z as the body does.
     lower_corner = -particle.support(-np.eye(3))
     points = lower_corner + particle.axes_m * unit_cube_points
     if particle.is_clump:
@@ -316,7 +319,7 @@ def _mark_points_in_convex_body(points: np.ndarray, particle: "Particle") -> np.
 
 
 def tap(trial: Trial, height_m: float) -> None:
-    """Simulate a tap: the cylinder falls from a height, and the grains come to rest.
+    """Let the cylinder fall once onto a hard floor, and wait until its grains rest.
 
     In the frame of the cylinder, the stop at the end of the fall throws the grains up
     to the height of the fall. To simulate this, gravity is changed for a single time
@@ -326,14 +329,16 @@ def tap(trial: Trial, height_m: float) -> None:
     Parameters
     ----------
     trial : Trial
-        The filled cylinder. At the end its gravity is the same as before.
+        The filled cylinder. Afterwards its gravity is the same as before.
     height_m : float
         Height of the fall [m].
     """
     simulation = trial.simulation
     simulation_settings = trial.scene.simulation
 
-    # The engine reads this array at each time step, so new values in it change gravity.
+    # The engine reads this array at each time step, so changing it in place changes
+    # gravity. Gravity points along -z. The changed one points up. If `run_to` raises an
+    # error because a limit is exceeded, gravity stays changed, but then the run ends.
     gravity = simulation.physics.gravity
     usual_gravity = gravity.copy()
     fall_speed = _compute_fall_speed(simulation_settings.gravity_m_s2, height_m)
@@ -341,7 +346,8 @@ def tap(trial: Trial, height_m: float) -> None:
     trial.run_to(simulation.steps + 1)
     gravity[:] = usual_gravity
 
-    # Wait until the grains have fallen back and rest.
+    # Wait until the grains have fallen back and rest. The time for the rest is a
+    # multiple of the time in which a grain falls by half of its diameter.
     flight_s = _compute_flight_s(simulation_settings.gravity_m_s2, height_m)
     rest_s = trial.scene.scale.interval_s(TAP_REST_TIMES)
     trial.run_to(simulation.steps + simulation_settings.steps(flight_s + rest_s))
@@ -379,29 +385,31 @@ def _describe_filling(trial: Trial) -> Filling:
 
 
 def _judge_fullness(filling: Filling, section: CylinderSettings) -> Verdict | None:
-    """Judge whether the cylinder is full.
+    """Check whether the cylinder is full.
 
-    The cylinder is full if there are enough grains above the rim for a layer whose
-    height is the length of a grain. The heap in the collar is nearly level, so this
-    many grains cover the rim everywhere.
+    It is full if enough grains lie above the rim for a layer that is as high as a grain
+    is long. The heap in the collar is nearly level, so this many grains cover the rim
+    everywhere.
 
     Parameters
     ----------
     filling : Filling
-        The filled cylinder.
+        The grains in the cylinder. Its `length_m` is the length of a grain.
     section : CylinderSettings
-        The section `cylinder` of the configuration.
+        The section `cylinder` of the configuration. Its `berries` is the number of
+        grains.
 
     Returns
     -------
     Verdict or None
-        The fault; None if the cylinder is full.
+        The status ``not_full`` with its reason; None if the cylinder is full.
     """
     height_m = Vessel.of(section).height_m
     n_poured = len(filling.centres_m)
     n_below_rim = int(np.count_nonzero(filling.centres_m[:, 2] < height_m))
     n_above_rim = n_poured - n_below_rim
-    # The layer is as dense as the filling below the rim.
+    # Estimate the number of grains in the layer: it is as dense as the filling below
+    # the rim.
     n_in_layer = math.ceil(n_below_rim * filling.length_m / height_m)
     if n_above_rim < n_in_layer:
         return Verdict(
@@ -413,9 +421,9 @@ def _judge_fullness(filling: Filling, section: CylinderSettings) -> Verdict | No
 
 
 def _tap_filling(trial: Trial, section: CylinderSettings) -> Filling:
-    """Tap a filled cylinder as often as configured, and describe the result.
+    """Tap a filled cylinder as often as configured, and measure the result.
 
-    The trial is advanced in place.
+    The trial is advanced in place. The taps end early if a limit is exceeded.
     """
     with trial.bounds.guard():
         for _ in range(section.taps):
@@ -461,22 +469,24 @@ class CylinderTest(BenchTest[CylinderSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the cylinder with its collar as arguments of `repose.dem.Simulation`.
+        """Describe the cylinder as arguments of `repose.dem.Simulation`.
 
-        The collar is the part of the wall above the rim. All lengths are in m.
+        The keys are the names of the arguments. The wall continues above the rim as a
+        collar. The material of all walls is called "wall". All lengths are in m.
 
         Parameters
         ----------
         scene : Scene
             The settings of the cylinder.
         largest_radius_m : float
-            Bounding radius of the largest grain. New grains must fit below the upper
-            end of the wall.
+            Radius of a ball that contains the largest grain. Grains appear at the top
+            of the collar, so the wall is higher by the diameter of this ball.
 
         Returns
         -------
         dict
-            Capacity in grains, walls by name, and lower and upper corner of the box.
+            ``capacity``, the largest number of grains; ``walls`` by name; and ``lower``
+            and ``upper`` corner of the box.
         """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
@@ -521,13 +531,16 @@ class CylinderTest(BenchTest[CylinderSettings]):
         section = self.section(scene.settings)
         trial = self._fill_cylinder(scene, interval_s, progress)
         filling = _describe_filling(trial)
+        # These are copies of the state before the taps, which change `trial`.
         arrays = trial.grains()
+        # Numbers for the record: how many grains were poured, and how much they still
+        # move.
         numbers = {
             "berries_poured": len(filling.centres_m),
             "kinetic_energy_J": filling.energy_j,
         }
-        # The cylinder is tapped only if its filling is ``ok``. The state after the taps
-        # is then judged in place of the filling.
+        # The cylinder is tapped only if its filling has the status ``ok``. The state
+        # after the taps is then checked in place of the filling.
         outcome = filling
         if section.taps and self.status_of(filling, scene.settings).status == "ok":
             outcome = _tap_filling(trial, section)
@@ -537,48 +550,57 @@ class CylinderTest(BenchTest[CylinderSettings]):
     def _fill_cylinder(
         self, scene: Scene, interval_s: float | None, progress: Progress | None
     ) -> Trial:
-        """Pour grains into the cylinder for the time `cylinder.duration_s`.
+        """Make a cylinder, and pour grains into it for `cylinder.duration_s`.
 
         Parameters
         ----------
-        scene, interval_s, progress
-            See `run`.
+        scene : Scene
+            Settings, parameters, grain and seed of the run.
+        interval_s : float or None
+            Simulated time between the frames of a film; with None none are recorded.
+        progress : function or None
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------
         Trial
-            The cylinder with its grains. The trial ends early if a limit is exceeded.
+            The simulation of the cylinder with its grains. It ends early if a limit is
+            exceeded.
         """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        # Grains appear at the upper end of the collar, where no new grain touches the
-        # wall.
+        # New grains appear in a disc at the upper end of the collar, the part of the
+        # wall above the rim. The disc is narrower than the collar, so that no new grain
+        # touches the wall.
         area = Disc(vessel.radius_m - trial.largest_radius_m, vessel.top_m)
         factory = Factory(
             area, section.berries, section.rate_per_s, speed_m_s=section.speed_m_s
         )
         last_step = scene.simulation.steps(section.duration_s)
+        # `guard` ends this block without an error as soon as the run exceeds a limit.
+        # `trial.broken` then holds the reason.
         with trial.bound(vessel.top_m, section.speed_m_s).guard():
             fill(trial, factory, last_step)
             trial.run_to(last_step)
         return trial
 
     def judge(self, outcome: Filling, settings: SceneSettings) -> Verdict:
-        """Judge a stable filling.
+        """Check a stable run before it is measured, and return its status.
 
         Parameters
         ----------
         outcome : Filling
-            The grains after the filling or the taps.
+            The grains after the filling, or after the taps.
         settings : SceneSettings
             Sections of the configuration.
 
         Returns
         -------
         Verdict
-            `OK`, or the first fault: a lost grain, motion, or a cylinder that is not
-            full.
+            `OK`, or the status of the first check that fails: a grain outside the
+            cylinder (``lost``), grains in motion (``not_at_rest``), or a cylinder that
+            is not full (``not_full``).
         """
         section = self.section(settings)
         vessel = Vessel.of(section)
@@ -590,6 +612,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         advice = "give the grains more time by cylinder.duration_s"
         if outcome.is_tapped:
             advice = "tap from a lower height by cylinder.tap_mm"
+        # None if the grains are at rest
         motion_verdict = not_at_rest(outcome.energy_j, settings, advice=advice)
         if motion_verdict is not None:
             return motion_verdict
@@ -613,14 +636,17 @@ class CylinderTest(BenchTest[CylinderSettings]):
         Returns
         -------
         dict
-            The densities and the number of grains in the cylinder. The tapped density
-            is None without taps.
+            The densities [kg/m3], and the number of grains in the cylinder
+            (``berries_in_cylinder``). The tapped density is None without taps.
         """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
         margin_m = 1e-3 * section.core_margin_mm
         # Mass is proportional to the cube of the relative size.
         masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
+        # Each density weights the mass of a grain by a number from 0 to 1. For the
+        # whole cylinder, this is whether its centre lies inside. No margin is given
+        # then.
         is_inside = vessel.contains(np.asarray(arrays["position"], float))
         core_shares = vessel.compute_core_shares(arrays, scene.particle, margin_m)
         tapped_density = None
@@ -642,7 +668,10 @@ class CylinderTest(BenchTest[CylinderSettings]):
         return section.duration_s + section.taps * (flight_s + TYPICAL_TAP_REST_S)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a cylinder that cannot be filled, has no core, or lacks taps.
+        """Yield settings with which the cylinder cannot be filled or measured.
+
+        The pour must outlast the last grain, the core must have a volume, and a target
+        of the tapped density needs taps.
 
         Parameters
         ----------
@@ -652,7 +681,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         Yields
         ------
         tuple of str
-            A key of the configuration, and what is allowed.
+            A key of the configuration, and the values that are allowed for it.
         """
         section = self.section(settings)
         last_grain_s = last_berry_s(section)
@@ -661,6 +690,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
                 "cylinder.duration_s",
                 f"above {last_grain_s:g}: the last grain appears at {last_grain_s:g} s",
             )
+        # The core keeps this margin from wall, floor and rim.
         largest_margin_mm = min(section.diameter_mm, section.height_mm) / 2
         if section.core_margin_mm >= largest_margin_mm:
             yield (

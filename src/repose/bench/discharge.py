@@ -71,7 +71,7 @@ FLOW = Response(
 
 
 class DischargeSettings(Hopper):
-    """The section `discharge` of the configuration; config/README.md explains its keys."""
+    """The section `discharge` of the configuration; see config/README.md."""
 
     open_from_s: float = Field(
         ge=0.1,
@@ -145,7 +145,7 @@ class _Opening(NamedTuple):
 
 
 def _make_factory(section: DischargeSettings, grain_radius_m: float) -> Factory:
-    """Make the factory at the upper end of the collar.
+    """Make the source of grains at the upper end of the collar.
 
     A new grain with the bounding radius `grain_radius_m` does not touch the wall.
     """
@@ -177,13 +177,14 @@ def compute_mass_flow_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     """
     order = np.argsort(exit_s, kind="stable")
     sorted_exit_s = exit_s[order]
-    # The total mass of each grain and of all grains that left before it
+    # For each grain, the mass of all grains that left up to this one
     mass_out_kg = np.cumsum(mass_kg[order])
     total_kg = mass_out_kg[-1]
-    # The grains with whose exit these masses are reached
+    # Find the grains whose exit brings the sum to these fractions of the mass.
     limits_kg = [FIRST_MASS_SHARE * total_kg, LAST_MASS_SHARE * total_kg]
     first, last = np.searchsorted(mass_out_kg, limits_kg)
     duration_s = sorted_exit_s[last] - sorted_exit_s[first]
+    # This condition also rejects a duration that is NaN.
     if not duration_s > 0.0:
         return math.nan
     return float((mass_out_kg[last] - mass_out_kg[first]) / duration_s)
@@ -221,21 +222,23 @@ class DischargeTest(BenchTest[DischargeSettings]):
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the closed funnel as arguments of `repose.dem.Simulation`.
 
-        The outlet lies at z = 0. All lengths are in m.
+        The keys are the names of the arguments. The outlet lies at z = 0. The collar is
+        a vertical wall above the inlet. All lengths are in m.
 
         Parameters
         ----------
         scene : Scene
             The settings of the funnel.
         largest_radius_m : float
-            Bounding radius of the largest grain.
+            Radius of a ball that contains the largest grain in any orientation.
 
         Returns
         -------
         dict
-            Capacity in grains, walls by name, lower and upper corner of the box, the
-            height at which a grain leaves the funnel, the height above which walls are
-            curved, and the height below which a grain vanishes.
+            ``capacity``, the largest number of grains; ``walls`` by name; ``lower`` and
+            ``upper`` corner of the box; ``exit_height_m``, at which a grain leaves the
+            funnel; ``curved_walls_above_m``, the height above which all curved walls
+            lie; and ``floor_height_m``, below which a grain is removed.
         """
         section = self.section(scene.settings)
         funnel = section.funnel
@@ -250,6 +253,8 @@ class DischargeTest(BenchTest[DischargeSettings]):
         grain_room = 2.0 * largest_radius_m
         collar_height = section.top_m - funnel.inlet_height_m + grain_room
         collar = dem.Cylinder(inlet, up, collar_height, inlet_radius, "wall")
+        # The centre line of the rounded edge of the outlet lies at z = 0, so the edge
+        # reaches down to minus its radius. It is the lowest of the curved walls.
         return {
             "capacity": section.berries,
             "walls": {"lid": lid, **funnel.walls("wall"), "collar": collar},
@@ -266,7 +271,10 @@ class DischargeTest(BenchTest[DischargeSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill the closed funnel, let the grains rest, and open it until it is empty.
+        """Fill the closed funnel, let the grains rest, open it, and let them flow out.
+
+        The run ends when the funnel is empty, or `discharge.longest_s` after the
+        opening.
 
         Parameters
         ----------
@@ -280,8 +288,8 @@ class DischargeTest(BenchTest[DischargeSettings]):
         Returns
         -------
         Run
-            The arrays are ``exit_s`` (N,), the time from the opening until each grain
-            left [s], which is NaN for a grain that did not leave; the relative sizes
+            The arrays are ``exit_s`` (N,), the time [s] from the opening until each
+            grain left, which is NaN for a grain that did not leave; the relative sizes
             ``scale`` (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) at the
             opening.
         """
@@ -295,19 +303,24 @@ class DischargeTest(BenchTest[DischargeSettings]):
             # A grain in the funnel has no finite exit time.
             return bool(np.isfinite(simulation.exit_times_s).all())
 
+        # Number of time steps between two checks of the grains
         check_interval = max(1, simulation_settings.steps(scene.scale.interval_s()))
         fastest_m_s = max(LID_SPEED_M_S, section.speed_m_s)
+        # `guard` ends the block below without an error as soon as the run exceeds a
+        # limit. If that happens before the opening, `opening` remains None.
         opening = None
         with trial.bound(section.top_m, fastest_m_s).guard():
             fill_and_rest(trial, factory, section.open_from_s, check_interval)
             opening = _Opening.from_trial(trial)
+            # To open the funnel, the lid moves down and away from the outlet.
             simulation.set_motion(
                 "lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_SPEED_M_S))
             )
             last_step = simulation.steps + simulation_settings.steps(section.longest_s)
             trial.wait(is_empty, last_step, check_interval)
         if opening is None:
-            # The run exceeded a limit before the opening, so it is not measured.
+            # The run ended before the opening, so it is rejected as unstable and not
+            # measured.
             opening = _Opening.never_opened(trial)
         return self._collect_run(trial, opening)
 
@@ -348,7 +361,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
         )
 
     def judge(self, outcome: Discharge, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured.
+        """Check a stable run before it is measured, and return its status.
 
         Parameters
         ----------
@@ -360,10 +373,14 @@ class DischargeTest(BenchTest[DischargeSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: grains without room, grains that left the closed
-            funnel, motion before the opening, or grains that stay in the funnel.
+            `OK`, or the status of the first check that fails: fewer grains than
+            configured (``not_filled``), grains that left the closed funnel (``lost``),
+            motion before the opening (``not_at_rest``), or grains that stay in the
+            funnel (``jammed``).
         """
         section = self.section(settings)
+        # `berries` is the configured number of grains. Grains without room were never
+        # added.
         if outcome.n_filled < section.berries:
             return Verdict(
                 "not_filled",
@@ -380,6 +397,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
         )
         if motion_verdict is not None:
             return motion_verdict
+        # `n_late` grains left the funnel after the opening.
         n_remaining = section.berries - outcome.n_late
         if n_remaining > 0:
             return Verdict(
@@ -390,9 +408,9 @@ class DischargeTest(BenchTest[DischargeSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure how long the funnel takes to empty, and the rate of the mass.
+        """Measure the time in which the funnel empties, and the mass flow in g/s.
 
-        The rate is None if it is unknown.
+        The mass flow is None if it is unknown.
         """
         exit_s = np.asarray(arrays["exit_s"], float)
         # Mass is proportional to the cube of the relative size.
@@ -409,7 +427,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
         return section.open_from_s + section.longest_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a funnel that cannot be built or filled."""
+        """Yield settings with which the funnel cannot be built or filled."""
         section = self.section(settings)
         yield from find_impossible_surfaces(section, NAME)
         yield from too_early(section, NAME, "open_from_s")

@@ -1,4 +1,4 @@
-"""Bench test of the drawdown box: an upper chamber drains through a slot into a lower."""
+"""Bench test of the drawdown box: its upper chamber drains through a slot."""
 
 import itertools
 from collections.abc import Sequence
@@ -104,7 +104,7 @@ FLOW = Response(
 
 
 class DrawdownSettings(Poured):
-    """The section `drawdown` of the configuration; config/README.md explains its keys."""
+    """The section `drawdown` of the configuration; see config/README.md."""
 
     open_from_s: float = Field(
         ge=0.1,
@@ -208,14 +208,17 @@ class Box:
         edge_radius_m : float
             Radius of the edges of the blocks.
         room_m : float
-            Height by which the upper walls are higher than the chamber.
+            Height by which the side walls are higher than the upper chamber. Grains
+            that appear above the chamber need this room.
 
         Returns
         -------
         dict
-            Planes and meshes by name. The engine visits the walls in this order, on
-            which the last bits of the results depend.
+            Planes and meshes by name. The order of the walls must stay: the engine
+            visits them in this order, on which the last bits of the results depend.
         """
+        # A plane takes a point, the normal that points to the grains, and the material
+        # "wall".
         walls: dict[str, dem.Plane | dem.Mesh] = {
             "lower_floor": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
             "front": dem.Plane((0.0, -self.half_depth, 0.0), (0.0, 1.0, 0.0), "wall"),
@@ -344,7 +347,7 @@ _NEVER_OPENED = _Opening(time_s=np.nan, n_filled=0, n_early=0)
 def _make_factory(
     section: DrawdownSettings, box: Box, grain_radius_m: float
 ) -> Factory:
-    """Make the factory above the upper chamber.
+    """Make the source of grains above the upper chamber.
 
     A new grain with the bounding radius `grain_radius_m` does not touch a wall.
     """
@@ -369,12 +372,12 @@ def _open_gate(trial: Trial, box: Box) -> None:
 
 
 def _describe_final_state(trial: Trial, box: Box, opening: _Opening) -> DrainedBox:
-    """Describe the end of a run by the numbers by which it is judged.
+    """Measure the end of a run: the numbers by which it is accepted or rejected.
 
     Parameters
     ----------
     trial : Trial
-        The trial at its end.
+        The simulation of the run at its end.
     box : Box
         Sizes of the box.
     opening : _Opening
@@ -383,7 +386,7 @@ def _describe_final_state(trial: Trial, box: Box, opening: _Opening) -> DrainedB
     simulation = trial.simulation
     centres = simulation.positions
     is_above = centres[:, 2] > box.gate_height
-    # The middle of the slot is defined as half of its width.
+    # The middle of the slot is the half of its width that surrounds the plane x = 0.
     is_over_slot = is_above & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
     all_inside = simulation.present.all() and box.contains(centres).all()
     return DrainedBox(
@@ -454,6 +457,8 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the box with a closed gate as arguments of `repose.dem.Simulation`.
 
+        The keys are the names of the arguments. All lengths are in m.
+
         Parameters
         ----------
         scene : Scene
@@ -479,7 +484,9 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill the upper chamber, let the grains rest, open the gate, and let them rest.
+        """Fill the upper chamber, let the grains rest, and drain it through the slot.
+
+        The run ends when the grains rest again, or after `drawdown.longest_s`.
 
         Parameters
         ----------
@@ -494,9 +501,9 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         -------
         Run
             The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale``
-            (N,) at the end; ``exit_s`` (N,), the time from the opening until each grain
-            left the slot [s], which is not finite for a grain that stayed above; and
-            ``in_pile`` (N,), the mask of the largest cluster below.
+            (N,) at the end; ``exit_s`` (N,), the time [s] from the opening until each
+            grain left the slot, which is NaN for a grain that stayed above; and
+            ``in_pile`` (N,), the mask of the largest cluster in the lower chamber.
         """
         section = self.section(scene.settings)
         simulation_settings = scene.simulation
@@ -505,7 +512,10 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         simulation = trial.simulation
         factory = _make_factory(section, box, trial.largest_radius_m)
 
+        # Number of time steps between two checks of the grains
         check_interval = max(1, simulation_settings.steps(scene.scale.interval_s()))
+        # `guard` ends the block below without an error as soon as the run exceeds a
+        # limit. If that happens before the opening, this value remains.
         opening = _NEVER_OPENED
         with trial.bound(factory.area.height_m, LID_SPEED_M_S).guard():
             fill_and_rest(trial, factory, section.open_from_s, check_interval)
@@ -518,6 +528,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
 
         arrays = trial.grains()
         exit_times_s = simulation.exit_times_s
+        # The time of the opening is NaN if the gate was never opened.
         arrays["exit_s"] = exit_times_s - opening.time_s
         arrays["in_pile"] = largest_cluster(
             simulation.contacts(), np.isfinite(exit_times_s)
@@ -526,7 +537,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return self.make_run(scene, outcome, arrays, trial.frames(walls=True))
 
     def judge(self, outcome: DrainedBox, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured.
+        """Check a stable run before it is measured, and return its status.
 
         Parameters
         ----------
@@ -538,20 +549,26 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: grains without room, lost grains, motion, or
-            grains that rest above the slot.
+            `OK`, or the status of the first check that fails. In order, these are fewer
+            grains than configured (``not_filled``), lost grains (``lost``), motion
+            (``not_at_rest``), and grains that rest above the slot (``jammed``).
         """
         section = self.section(settings)
+        # `berries` is the configured number of grains. Grains without room were never
+        # added.
         if outcome.n_filled < section.berries:
             return Verdict(
                 "not_filled",
                 f"only {outcome.n_filled} of {section.berries} grains found room above "
                 "the gate",
             )
+        # `n_early` counts grains that had left the upper chamber before the gate
+        # opened.
         if outcome.n_early or not outcome.all_inside:
             return Verdict(
                 "lost", "a grain lies outside the box or left the closed chamber"
             )
+        # None if the grains are at rest
         motion_verdict = not_at_rest(
             outcome.energy_j,
             settings,
@@ -568,27 +585,30 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the angles above and below, and mass and rate of the drained grains.
+        """Measure the angles in both chambers, and mass and flow of the drained grains.
 
-        A grain that has an exit time has passed the slot and lies below. The other
-        grains have stayed above.
+        A grain that has an exit time has passed the slot and lies in the lower chamber.
+        The other grains have stayed in the upper chamber, as two wedges beside the
+        slot.
 
         Parameters
         ----------
         arrays : mapping
-            Arrays of the run by name.
+            Arrays of the run by name, as `run` returns them. Exit times are in
+            ``exit_s``.
         scene : Scene
             Settings, parameters, grain and seed of the run.
 
         Returns
         -------
         dict
-            The responses and numbers. An angle that cannot be measured is None. If the
-            angle is a target, there are also ``status`` and ``reason``.
+            The responses and numbers. An angle that cannot be measured is None. If such
+            an angle is a target, there are also ``status`` and ``reason``.
         """
         box = Box.of(self.section(scene.settings))
-        # Both angles are measured in one view, along the slot. The two wedges above are
-        # measured as one pile, although they may not touch each other.
+        # Both angles are measured in one view, along the slot. The two wedges are put
+        # back to back and measured as one pile. They may not touch each other, so the
+        # measurement must not leave out all but the largest cluster.
         pile_settings = scene.measure.model_copy(update={"views": 1})
         wedge_settings = pile_settings.model_copy(update={"largest_pile_only": False})
         wedges = _select_wedges(arrays, scene.particle, box)
@@ -605,6 +625,8 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             except NoFlankError as error:
                 reasons[name] = error.reason
         measured |= _measure_flow(arrays, scene.particle)
+        # If the number of a target is missing, `fault` has a new status and a reason;
+        # otherwise it is empty. It has no key of `measured`.
         fault = self.check_targets(measured, scene.settings, reasons)
         return {**fault, **measured}
 
@@ -614,7 +636,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return 2.0 * section.open_from_s + section.longest_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a box that cannot be built or filled.
+        """Yield settings with which the box cannot be built or filled.
 
         Parameters
         ----------
@@ -624,19 +646,22 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         Yields
         ------
         tuple of str
-            A key of the configuration, and what is allowed.
+            A key of the configuration, and the values that are allowed for it.
         """
         section = self.section(settings)
+        # The gate must open after the last grain has appeared.
         yield from too_early(section, NAME, "open_from_s")
         if section.slot_mm >= section.width_mm:
             yield "drawdown.slot_mm", f"below drawdown.width_mm, {section.width_mm:g}"
-        # All blocks are as thick as the floor. The gate lies below the floor.
+        # All blocks are as thick as the floor. The rounded edges at both sides of a
+        # block must leave half of its thickness flat.
         thickness_mm = section.floor_mm
         if 4 * section.edge_radius_mm > thickness_mm:
             yield (
                 "drawdown.edge_radius_mm",
                 f"at most a quarter of drawdown.floor_mm, {thickness_mm / 4:g}",
             )
+        # The gate lies below the upper floor, whose upper side is `drop_mm` high.
         if section.drop_mm <= thickness_mm:
             yield "drawdown.drop_mm", f"above drawdown.floor_mm, {thickness_mm:g}"
         outer_width_mm = section.width_mm + 2 * thickness_mm
@@ -649,10 +674,11 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of a box that is too narrow for the mean grain.
+        """Yield settings of a box that is too narrow for the mean grain.
 
-        `axes_mm` are the full axes of the mean grain, the longest first. A grain can
-        pass the slot along its longest axis.
+        `axes_mm` are the full lengths of the mean grain along its three axes, the
+        longest first. A grain can pass the slot end on, so only its shortest axis
+        counts there.
         """
         sizes_mm = {
             "slot_mm": axes_mm[2],
@@ -664,14 +690,15 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
 
 
 def _select_wedges(arrays: Arrays, particle: "Particle", box: Box) -> "Grains":
-    """Select the grains that stayed above, and move both wedges back to back.
+    """Select the grains that stayed in the upper chamber, as wedges back to back.
 
     Parameters
     ----------
     arrays : mapping
-        Arrays of the run by name.
+        Arrays of the run by name, as `DrawdownTest.run` returns them. A grain without a
+        finite exit time has stayed in the upper chamber.
     particle : Particle
-        Body of the grains.
+        Body that represents each grain.
     box : Box
         Sizes of the box.
     """
@@ -687,17 +714,25 @@ def _select_wedges(arrays: Arrays, particle: "Particle", box: Box) -> "Grains":
 def _select_pile(
     arrays: Arrays, particle: "Particle", settings: "MeasureSettings"
 ) -> "Grains":
-    """Select the grains of the pile below.
+    """Select the grains of the pile in the lower chamber.
+
+    A grain with a finite exit time has left the upper chamber.
 
     Parameters
     ----------
     arrays : mapping
-        Arrays of the run by name.
+        Arrays of the run by name, as `DrawdownTest.run` returns them.
     particle : Particle
-        Body of the grains.
+        Body that represents each grain.
     settings : MeasureSettings
-        Settings of the measurement. Its `largest_pile_only` decides whether the pile is
-        the largest cluster of the grains below, or all of them.
+        Settings of the measurement. If `largest_pile_only` is set, the pile is the
+        largest cluster of touching grains. Otherwise it consists of all grains in the
+        lower chamber.
+
+    Returns
+    -------
+    Grains
+        The selected grains.
     """
     from repose.measure.silhouette import Grains
 
@@ -711,7 +746,7 @@ def _select_pile(
 
 
 def _measure_flow(arrays: Arrays, particle: "Particle") -> dict[str, Any]:
-    """Measure mass, rate and number of the grains that drained through the slot.
+    """Measure mass, flow and number of the grains that drained through the slot.
 
     Parameters
     ----------
@@ -719,22 +754,26 @@ def _measure_flow(arrays: Arrays, particle: "Particle") -> dict[str, Any]:
         Arrays of the run: ``scale`` (N,) and ``exit_s`` (N,), which is not finite for a
         grain that stayed above.
     particle : Particle
-        Body of the grains.
+        Body that represents each grain.
 
     Returns
     -------
     dict
-        The numbers by name. The rate is None if no grain drained, or if all grains in
-        the middle of the flow drained at the same time.
+        The mass [g], the mass flow [g/s] and the number of these grains
+        (``berries_below``), by name. The flow is None if no grain drained, or if all
+        grains in the middle of the flow drained at the same time.
     """
     scales = np.asarray(arrays["scale"], float)
     exit_s = np.asarray(arrays["exit_s"], float)
+    # Mass is proportional to the cube of the relative size.
     masses = particle.mass_kg * scales**3
     is_below = np.isfinite(exit_s)
-    # The rate stays unknown if no grain drained.
+    # The flow stays unknown if no grain drained. NaN stands for an unknown flow, as in
+    # `compute_mass_flow_kg_s`.
     rate = np.nan
     if is_below.any():
         rate = compute_mass_flow_kg_s(exit_s[is_below], masses[is_below])
+    # Convert kg to g. A flow that is NaN becomes None.
     return {
         MASS.name: 1e3 * float(masses[is_below].sum()),
         FLOW.name: 1e3 * rate if np.isfinite(rate) else None,

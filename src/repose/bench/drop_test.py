@@ -85,7 +85,7 @@ BY_SOUND = Response(
 
 
 class DropTestSettings(Section):
-    """The section `drop_test` of the configuration; config/README.md explains its keys."""
+    """The section `drop_test` of the configuration; see config/README.md."""
 
     surface: Literal["wall", "berry"] = Field(
         description="material of the plate: `wall`, or `berry`, a flat plate of the "
@@ -115,12 +115,14 @@ class _Height(NamedTuple):
 
 
 class _GrainTracker:
-    """Advances a grain above a plate: in long strides in flight, in short ones in hits.
+    """Advances a grain above a plate, and finds the time of each hit.
+
+    It checks the grain rarely while it flies, and often while it touches the plate.
 
     Parameters
     ----------
     trial : Trial
-        The plate and its grain.
+        The simulation of the plate and its only grain.
 
     Attributes
     ----------
@@ -134,6 +136,7 @@ class _GrainTracker:
         self.trial = trial
         self.simulation = trial.simulation
         self.simulation_settings = trial.scene.simulation
+        # Longest time between two checks of a flying grain
         self.longest_stride_s = trial.scene.scale.interval_s(STRIDE_TIMES)
         # The radius is that of the bounding sphere of this grain.
         scale = float(trial.scales[0])
@@ -152,7 +155,7 @@ class _GrainTracker:
         return len(grains) > 0
 
     def follow_flight(self) -> list[_Height]:
-        """Advance until the grain touches the plate, and return its heights until then."""
+        """Advance until the grain touches the plate, and return its heights."""
         heights = [self._read_height()]
         while not self.check_contact():
             self.trial.run_to(self.simulation.steps + self._choose_stride())
@@ -176,6 +179,7 @@ class _GrainTracker:
         is_touching = self.check_contact()
         while is_touching and simulation.steps < last_step:
             contact_steps = simulation.steps - first_step
+            # A hit may be short, so its first checks come after single time steps.
             stride = 1 + contact_steps // DENSE_STEPS
             self.trial.run_to(min(last_step, simulation.steps + stride))
             is_touching = self.check_contact()
@@ -245,12 +249,15 @@ class DropTest(BenchTest[DropTestSettings]):
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the plate, and room for one grain above it.
 
+        The keys are the names of arguments of `repose.dem.Simulation`. All lengths are
+        in m.
+
         Parameters
         ----------
         scene : Scene
             The material of the plate, and the height of the fall.
         largest_radius_m : float
-            Bounding radius of the grain.
+            Radius of a ball that contains the grain in any orientation.
 
         Returns
         -------
@@ -297,7 +304,9 @@ class DropTest(BenchTest[DropTestSettings]):
         drop_m = 1e-3 * section.height_mm
         add_above(trial, section.orientation, drop_m)
         tracker = _GrainTracker(trial)
-        # The heights after the first hit; none if the grain does not leave the plate.
+        # `guard` ends the block below without an error as soon as the run exceeds a
+        # limit. `rebound` has the heights after the first hit. It remains empty in that
+        # case, or if the grain does not leave the plate.
         rebound: list[_Height] = []
         with trial.bound(drop_m + 2.0 * trial.largest_radius_m).guard():
             tracker.follow_flight()
@@ -316,7 +325,7 @@ class DropTest(BenchTest[DropTestSettings]):
         return self.make_run(scene, outcome, arrays, trial.frames(walls=True))
 
     def judge(self, outcome: Rebound, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured."""
+        """Check that the grain left the plate after its first hit."""
         if not outcome.has_left:
             return Verdict(
                 "no_rebound",
@@ -325,7 +334,7 @@ class DropTest(BenchTest[DropTestSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the restitution by the height of the rebound and by the time of flight.
+        """Measure the restitution by the height of the rebound and by its duration.
 
         Both are the ratio of the speed after the hit to that before it.
 

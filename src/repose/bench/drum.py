@@ -97,10 +97,11 @@ class Drum:
         }
 
     def make_factory_area(self, height_m: float, grain_radius_m: float) -> Strip:
-        """Make the largest area for the centres of new grains at a height above the axis.
+        """Make the largest area in which new grains can appear at a given height.
 
-        A grain of the given bounding radius touches no wall there. Raises ValueError if
-        there is no such area.
+        The height is measured from the axis of the drum. The area is that of the
+        centres: a grain of the given bounding radius touches no wall there. Raises
+        ValueError if there is no such area.
         """
         radius = self.radius_m - grain_radius_m
         half_y = 0.5 * self.length_m - grain_radius_m
@@ -219,9 +220,9 @@ class RotatingDrum(BenchTest[R]):
         """
         simulation = super().build(scene, largest_scale)
         tilt = math.radians(self.tilt_deg(self.section(scene.settings)))
-        # The simulation reads this array, so new values in it tilt gravity, which
-        # points along -z until then. The new component along +y pulls grains to the low
-        # end.
+        # The simulation reads this array, so changing it in place tilts gravity. At
+        # first gravity points along -z, so `level_gravity_z` is negative, and the new
+        # component along y is positive. It pulls the grains to the end at +y.
         gravity = simulation.physics.gravity
         level_gravity_z = gravity[2]
         gravity[1] = -level_gravity_z * math.sin(tilt)
@@ -234,7 +235,7 @@ class RotatingDrum(BenchTest[R]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> tuple[Trial, Factory]:
-        """Make the trial of a drum without grains, and the factory that fills it.
+        """Make the simulation of a drum without grains, and the source of its grains.
 
         Parameters
         ----------
@@ -248,15 +249,16 @@ class RotatingDrum(BenchTest[R]):
         Returns
         -------
         trial : Trial
-            The trial, with its bounds set.
+            The simulation of the run, with its limits of speed, energy and overlap set.
         factory : Factory
-            The factory, which adds grains inside the drum.
+            The source of new grains, which adds them inside the drum.
         """
         section = self.section(scene.settings)
         drum = Drum.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        # The speed that a wall gives to a grain is at most that of the wall in the
-        # fastest rotation. A section has one angular velocity or several.
+        # A wall can make a grain at most as fast as the wall itself moves in the
+        # fastest rotation. A section has one angular velocity, or one for each speed of
+        # the drum. `bound` sets `trial.bounds`, which the caller needs.
         fastest_rad_s = float(np.max(section.angular_velocity_rad_s))
         trial.bound(top_m=drum.radius_m, speed_m_s=fastest_rad_s * drum.radius_m)
         factory_height_m = 1e-3 * section.factory_height_mm
@@ -275,7 +277,7 @@ class RotatingDrum(BenchTest[R]):
         return bool(drum.contains(simulation.positions).all())
 
     def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured: all grains must be in the drum.
+        """Check a stable run before it is measured: all grains must be in the drum.
 
         Parameters
         ----------
@@ -287,8 +289,8 @@ class RotatingDrum(BenchTest[R]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: a grain outside the drum, or grains without a
-            place.
+            `OK`, or the status ``lost`` if a grain is outside the drum or was never
+            added.
         """
         if not outcome.all_inside:
             return Verdict("lost", "a grain is outside the drum")
@@ -314,14 +316,15 @@ class RotatingDrum(BenchTest[R]):
         ----------
         position, quaternion, scale : array
             Positions (N, 3) [m], orientations (N, 4) and relative sizes (N,) of the
-            grains.
+            grains at one time.
         scene : Scene
-            The scene, with the particle and the settings of the measurement.
+            The scene, with the particle that represents a grain and the settings of the
+            measurement.
 
         Returns
         -------
         bed.Surface
-            The straight line through the surface, with its angle.
+            A straight line fitted to the surface, with its angle.
 
         Raises
         ------
@@ -345,12 +348,15 @@ class RotatingDrum(BenchTest[R]):
         scale: np.ndarray,
         scene: Scene,
     ) -> np.ndarray:
-        """Measure the angle of the surface in T frames of N grains.
+        """Measure the angle of the surface of a bed at several times.
+
+        The bed has the same N grains at all T times.
 
         Parameters
         ----------
         position, quaternion : array
-            Positions (T, N, 3) [m] and orientations (T, N, 4) of the grains.
+            Positions (T, N, 3) [m] and orientations (T, N, 4) of the grains at these
+            times.
         scale : array
             Their relative sizes (N,).
         scene : Scene
@@ -366,17 +372,18 @@ class RotatingDrum(BenchTest[R]):
             try:
                 surface = self.find_surface(centres, quaternions, scale, scene)
             except ValueError:
-                # The bed has no surface.
+                # `find_surface` raises this error for a bed without a surface.
                 angles_deg.append(math.nan)
             else:
                 angles_deg.append(surface.angle_deg)
         return np.array(angles_deg, float)
 
     def find_impossible_filling(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys whose values make it impossible to fill or record the drum.
+        """Yield the settings with which the drum cannot be filled or recorded.
 
-        Such a drum has no room for grains, begins to turn before the last grain
-        appears, or would be recorded more often than once in a time step.
+        This is so if the drum has no inside, if new grains would appear outside of it,
+        if the drum turns before the last grain has appeared, or if two rows of the
+        record are less than a time step apart.
 
         Parameters
         ----------
@@ -386,10 +393,11 @@ class RotatingDrum(BenchTest[R]):
         Yields
         ------
         tuple of str
-            A key of the configuration, and what is allowed.
+            A key of the configuration, and the values that are allowed for it.
         """
         section = self.section(settings)
-        # The drum must have an inside, and the grains must appear there.
+        # The drum must have an inside. New grains appear at a height above its axis,
+        # which must lie inside the drum.
         radius_mm = compute_inner_radius_mm(section)
         if radius_mm <= 0:
             yield (
@@ -403,6 +411,7 @@ class RotatingDrum(BenchTest[R]):
                 f"inside the drum, between -{radius_mm:g} and {radius_mm:g}",
             )
         yield from too_early(section, self.name, "rotate_from_s")
+        # `record_s` is the time between two rows of the record.
         time_step_s = settings.simulation.time_step_s
         if section.record_s < time_step_s:
             yield (
@@ -413,21 +422,22 @@ class RotatingDrum(BenchTest[R]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of a drum that is too small for a mean grain where grains appear.
+        """Yield the settings of a drum in which a mean grain has no room.
 
-        The grain must fit in every orientation.
+        The grain must fit in every orientation: between the caps, and at the height
+        where new grains appear.
 
         Parameters
         ----------
         settings : SceneSettings
             Sections of the configuration.
         axes_mm : sequence of float
-            Full axes of the mean grain.
+            Full lengths of the mean grain along its three axes.
 
         Yields
         ------
         tuple of str
-            A key of the configuration, and what is allowed.
+            A key of the configuration, and the values that are allowed for it.
         """
         section = self.section(settings)
         grain_length_mm = max(axes_mm)
@@ -436,8 +446,9 @@ class RotatingDrum(BenchTest[R]):
                 f"{self.name}.length_mm",
                 f"above {format_significant(grain_length_mm)}, so that a mean grain fits",
             )
-        # A grain whose centre is higher than this can touch the shell. The height is
-        # negative in a drum that is narrower than a grain.
+        # Farther than this above or below the axis of the drum, a new grain can touch
+        # the shell. In a drum that is narrower than a grain, the limit is not positive,
+        # so there is no allowed height.
         highest_mm = compute_inner_radius_mm(section) - grain_length_mm / 2
         if abs(section.factory_height_mm) >= highest_mm:
             allowed = "a wider drum, so that a mean grain fits"
@@ -448,7 +459,7 @@ class RotatingDrum(BenchTest[R]):
 
 
 def make_no_surface_verdict(scene: Scene) -> Verdict:
-    """Make the verdict on a run whose bed has no surface."""
+    """Make the status of a run whose bed has no surface, with the reason."""
     return Verdict(
         "no_surface",
         f"the bed has no surface at {scene.settings.mm_per_pixel:g} mm per pixel "
@@ -493,6 +504,7 @@ class Rotation(DrumOutcome):
         Columns (T,) of `RECORD_COLUMNS`.
     centres_m, quaternions : array
         Positions (T, N, 3) and orientations (T, N, 4) of the grains at these times.
+        Their first index is the row of the record.
     scales : array
         Relative sizes (N,) of the grains.
     slip : bed.Slip or None
@@ -515,7 +527,7 @@ class Rotation(DrumOutcome):
     rest_energy_j: float
 
     def state_rows(self) -> dict[str, int]:
-        """Return the row of the record at each state, by the name of the state.
+        """Return the row number of the record at each state, by the name of the state.
 
         A run without a slip has only the states at the start and at the report.
         """
@@ -528,11 +540,13 @@ class Rotation(DrumOutcome):
     def collect_arrays(self) -> dict[str, np.ndarray]:
         """Collect the arrays of the run: the record, and the grains in each state.
 
-        If the run ended before the rotation began, it has no states.
+        The names with a state, such as ``position_before``, are those of the saved
+        file. If the run ended before the rotation began, the arrays contain no states.
         """
         arrays = {"scale": self.scales, **self.record}
         if not len(self.centres_m):
             return arrays
+        # Row numbers of the record are also indices of `centres_m` and `quaternions`.
         for state, row in self.state_rows().items():
             arrays[f"position_{state}"] = self.centres_m[row]
             arrays[f"quaternion_{state}"] = self.quaternions[row]
@@ -540,7 +554,7 @@ class Rotation(DrumOutcome):
         return arrays
 
     def state_numbers(self) -> dict[str, float]:
-        """Return the numbers of the record at each state.
+        """Return the columns of the record at each state.
 
         The name of a number consists of state and column, such as ``before_bed_deg``.
         """
@@ -551,7 +565,7 @@ class Rotation(DrumOutcome):
         return numbers
 
     def slip_numbers(self) -> dict[str, float]:
-        """Return drop, duration and largest energy of the slip by name.
+        """Return how far the bed fell in the slip, its duration and largest energy.
 
         The dictionary is empty without a slip.
         """
@@ -593,8 +607,10 @@ class _DrumRecorder:
         self.trial = trial
         self.simulation = trial.simulation
         self.section = section
-        # Number of time steps between two rows
+        # Number of time steps between two rows. `trial.scene.simulation` holds
+        # settings; `trial.simulation` is the running simulation.
         self.interval = max(1, trial.scene.simulation.steps(section.record_s))
+        # The method `start` sets the time at which the rotation begins.
         self.start_s = 0.0
         self.turned_rad = 0.0
         self.rows: list[_Row] = []
@@ -630,7 +646,11 @@ class _DrumRecorder:
         self.record_state()
 
     def record_state(self) -> None:
-        """Add the present grains and a row of numbers to the record."""
+        """Add the present grains and a row of numbers to the record.
+
+        The lists `rows`, `centres` and `quaternions` all grow by one entry, so that the
+        same index belongs to the same time.
+        """
         from repose.measure import bed
         from repose.measure.silhouette import Grains
 
@@ -638,8 +658,8 @@ class _DrumRecorder:
         particle = self.trial.scene.particle
         centres = simulation.positions
         quaternions = simulation.quaternions
-        # The energy is measured in the frame that turns with the drum. In this frame, a
-        # bed at rest has none.
+        # The energy is measured in the frame that turns with the drum. A bed that is at
+        # rest relative to the drum therefore has no energy.
         energy_j = bed.relative_energy(
             Grains(centres, quaternions, particle, simulation.scales),
             simulation.velocities,
@@ -652,6 +672,8 @@ class _DrumRecorder:
             bed_deg=bed.bed_angle(centres),
             energy_j=energy_j,
         )
+        # `positions` may be a view of the running simulation, so it is copied.
+        # `quaternions` is always a copy.
         self.rows.append(row)
         self.centres.append(centres.copy())
         self.quaternions.append(quaternions)
@@ -675,7 +697,11 @@ class _DrumRecorder:
         )
 
     def find_nearest_row(self, time_s: float) -> int:
-        """Find the row nearest to a simulated time [s]; 0 in an empty record."""
+        """Find the row that is nearest to a simulated time.
+
+        The time [s] counts from the beginning of the run. The result is 0 in an empty
+        record.
+        """
         if not self.rows:
             return 0
         times_s = self.start_s + self.collect_columns()["time_s"]
@@ -685,8 +711,8 @@ class _DrumRecorder:
 def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
     """Turn the drum until the bed slips, then stop it and wait until the bed rests.
 
-    The recorder and its trial are advanced in place. If the bed does not slip, the drum
-    is never stopped.
+    The recorder and the simulation of its trial are advanced in place. If the bed does
+    not slip, the drum is still turning at the end.
 
     Parameters
     ----------
@@ -700,9 +726,11 @@ def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
         or if its energy becomes infinite or NaN.
     """
     longest_rotation_s = recorder.section.longest_rotation_s
+    # Half an interval is subtracted so that the row nearest to the end is the last one.
     rotation_end_s = longest_rotation_s - recorder.half_interval_s
     recorder.start()
     while True:
+        # Each pass checks the last row, and then adds another one.
         row = recorder.last_row
         if row.time_s >= rotation_end_s or not math.isfinite(row.energy_j):
             return None
@@ -717,10 +745,11 @@ def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
 
 
 def _record_settling(recorder: _DrumRecorder) -> None:
-    """Stop the drum, and record the bed until it rests and the report is due.
+    """Stop the drum, and record the bed until it rests.
 
-    The bed has at most `drum.settle_s` to come to rest. The record ends at once if the
-    energy becomes infinite or NaN.
+    Recording goes on at least until the time `drum.report_s`. The bed has at most
+    `drum.settle_s` to come to rest. Recording ends at once if the energy becomes
+    infinite or NaN.
 
     Parameters
     ----------
@@ -730,10 +759,12 @@ def _record_settling(recorder: _DrumRecorder) -> None:
     section = recorder.section
     rest_energy_j = recorder.trial.scene.simulation.rest_energy_j
     settling_end_s = recorder.last_row.time_s + section.settle_s
-    # `drum.report_s` counts from the beginning of the filling. Times of rows count from
-    # the beginning of the rotation.
+    # `drum.report_s` counts from the beginning of the filling, but the times of rows
+    # count from the beginning of the rotation. Half an interval is subtracted so that
+    # the row nearest to the time is the one that counts.
     report_s = section.report_s - recorder.start_s - recorder.half_interval_s
 
+    # An angular velocity of 0 stops the drum.
     set_rotation(recorder.simulation, 0.0)
     is_over = False
     while not is_over and math.isfinite(recorder.last_row.energy_j):
@@ -748,8 +779,8 @@ def _make_record_without_surface(
 ) -> dict[str, Any]:
     """Make the record of a run whose bed has no surface before or after its slip.
 
-    It consists of the seed, the verdict and the time at which the rotation began. All
-    other numbers of `record` are left out.
+    The record consists of the seed, the status with its reason, and the time at which
+    the rotation began. All other numbers of `record` are left out.
     """
     verdict = make_no_surface_verdict(scene)
     return {
@@ -798,12 +829,13 @@ class DrumTest(RotatingDrum[DrumSettings]):
     }
 
     def rotate(self, scene: Scene, progress: Progress | None = None) -> Rotation:
-        """Fill the drum, turn it until the bed slips, and stop it until the bed rests.
+        """Fill the drum, turn it until the bed slips, and wait for the bed to rest.
 
         The drum begins to turn when the filled bed is at rest. It turns until a slip is
-        found (`bed.find_slip`), for at most `drum.longest_rotation_s`. The run ends
-        when the bed is at rest again, or `drum.settle_s` after the drum stopped, but
-        not before `drum.report_s`.
+        found (`bed.find_slip`), or for `drum.longest_rotation_s`. After a slip, the
+        drum stops. The run then ends when the bed is at rest again, or after
+        `drum.settle_s` if it still moves. However, it does not end before
+        `drum.report_s`.
 
         Parameters
         ----------
@@ -820,7 +852,9 @@ class DrumTest(RotatingDrum[DrumSettings]):
         section = self.section(scene.settings)
         trial, factory = self.make_empty_drum(scene, progress=progress)
         recorder = _DrumRecorder(trial, section)
-        # These values remain if the run exceeds a limit before the bed slips.
+        # `guard` ends the block below without an error as soon as the run exceeds a
+        # limit of speed, energy or overlap. If that happens before the bed slips, these
+        # values remain. `trial.broken` then holds the reason.
         rest_energy_j = math.nan
         slip = None
         with trial.bounds.guard():
@@ -845,28 +879,30 @@ class DrumTest(RotatingDrum[DrumSettings]):
         )
 
     def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured.
+        """Check a stable run before it is measured, and return its status.
 
-        In addition to the faults of every drum, the bed may still have moved when the
-        rotation began, or may never have slipped.
+        In addition to the checks of every drum, the bed must be at rest when the
+        rotation begins, and it must slip.
 
         Parameters
         ----------
         outcome : Rotation
-            The run of the drum.
+            The run of the drum. It must be a `Rotation`.
         settings : SceneSettings
             Sections of the configuration.
 
         Returns
         -------
         Verdict
-            `OK`, or the first fault.
+            `OK`, or the status of the first check that fails.
         """
-        # The parameter has the type that all drums share. Narrow it here.
+        # The annotation of `outcome` is the type that all bench tests with a drum
+        # share.
         assert isinstance(outcome, Rotation)
         verdict = super().judge(outcome, settings)
         if verdict != OK:
             return verdict
+        # The outcome holds the measured energy, and the settings hold its limit.
         if outcome.rest_energy_j > settings.simulation.rest_energy_j:
             return Verdict(
                 "not_at_rest",
@@ -889,30 +925,33 @@ class DrumTest(RotatingDrum[DrumSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill and turn the drum once.
+        """Fill the drum, turn it until the bed slips, and record the bed.
 
         Parameters
         ----------
         scene : Scene
             Settings, parameters, grain and seed of the run.
         interval_s : float, optional
-            If it is given, the run has frames at the times of the record, whatever the
-            value. Without it the run has no frames.
+            Only whether it is given matters. If it is, the run has a frame at each time
+            of the record, so at intervals of `drum.record_s`. Without it the run has no
+            frames.
         progress : function, optional
             Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------
         Run
-            The arrays are ``scale`` (N,), the columns (T,) of the record, and for each
-            of the `STATES`: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N, 4)
-            and ``turned_STATE_deg``.
+            The arrays are ``scale`` (N,), the columns `RECORD_COLUMNS` (T,) of the
+            record, and for each of the `STATES` that the run reached:
+            ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N, 4) and
+            ``turned_STATE_deg``.
         """
         rotation = self.rotate(scene, progress)
         arrays = rotation.collect_arrays()
         frames = None
         if interval_s is not None:
-            # The record already contains the bed at each time.
+            # The record already contains the bed at each time. These are the frames,
+            # together with the arrays of the run.
             frames = {
                 "position": rotation.centres_m,
                 "quaternion": rotation.quaternions,
@@ -921,6 +960,8 @@ class DrumTest(RotatingDrum[DrumSettings]):
         run = self.make_run(
             scene, rotation, arrays, frames, rotation_from_s=rotation.rotation_from_s
         )
+        # `make_run` has given the run its status. Only a run that slipped has the
+        # measurements of a slip.
         status = run.record["status"]
         if status in MEASURABLE_STATUSES:
             run.record.update(rotation.state_numbers())
@@ -931,7 +972,9 @@ class DrumTest(RotatingDrum[DrumSettings]):
     def measure_with_profile(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> tuple[dict[str, Any], np.ndarray]:
-        """Measure a run, and the motion of the grains by depth during its slip.
+        """Measure the surface of the bed in each state, and the motion during the slip.
+
+        The motion is measured as a function of the depth below the surface.
 
         Parameters
         ----------
@@ -945,19 +988,24 @@ class DrumTest(RotatingDrum[DrumSettings]):
         Returns
         -------
         measured : dict
-            The record with the angles of the surface and, for a slip, the numbers of
-            `_measure_slip_motion`. If the surface before or after a slip cannot be
-            measured, the status is ``no_surface`` and there are no numbers.
+            The record with the angle ``STATE_surface_deg`` [degrees] of each of the
+            `STATES`. For a run that slipped, there are also ``surface_drop_deg`` and
+            the numbers of `_measure_slip_motion`. If the surface before or after the
+            slip cannot be measured, the status is ``no_surface`` and there are no
+            numbers.
         profile : array
-            The profile (layers, 4) of `_measure_slip_motion`; empty without a slip.
+            The depth profile (layers, 4) of `_measure_slip_motion`. Without a slip it
+            has no rows.
         """
+        # An array with the four columns of a depth profile, but without layers
         no_profile = np.zeros((0, 4))
         status = record["status"]
         if status not in MEASURABLE_STATUSES:
             return dict(record), no_profile
 
         measured = dict(record)
-        # Without a slip, the run has only the states at the start and at the report.
+        # The first two of the `STATES` are the start and the report. A run without a
+        # slip has only these two.
         states = STATES if status == "ok" else STATES[:2]
         angles_deg = self._measure_state_angles(states, arrays, scene)
         for state, angle_deg in angles_deg.items():
@@ -1005,21 +1053,28 @@ class DrumTest(RotatingDrum[DrumSettings]):
     def _measure_slip_motion(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> tuple[dict[str, float | None], np.ndarray]:
-        """Measure how far the grains moved during the slip.
+        """Measure how far the grains moved during the slip, layer by layer.
 
         Parameters
         ----------
-        record, arrays, scene
-            See `measure_with_profile`.
+        record : mapping
+            The record of a run that slipped.
+        arrays : mapping
+            The arrays of the run by name, as `run` returns them.
+        scene : Scene
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------
         numbers : dict
-            Share of grains that moved, and the motion [mm] in the uppermost and in the
-            lowest layer. Both motions are None if the profile has no layers.
+            ``moved_share``, the fraction of the grains that moved; and the mean motion
+            [mm] in the uppermost layer (``surface_moved_mm``) and in the lowest layer,
+            which lies at the wall (``wall_moved_mm``). Both motions are None if the
+            profile has no layers.
         profile : array
-            One row for each layer, the uppermost first (layers, 4): depth, mean motion
-            and its standard deviation, all in mm, and the number of grains.
+            The depth profile (layers, 4), with one row for each layer and the uppermost
+            layer first. The columns are depth, mean motion and standard deviation of
+            the motion, all in mm, and the number of grains.
         """
         from repose.measure import bed
 
@@ -1041,6 +1096,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
 
         surface_moved_mm = None
         wall_moved_mm = None
+        # The second column is the mean motion. The first row is the surface.
         if len(profile_mm):
             surface_moved_mm = float(profile_mm[0, 1])
             wall_moved_mm = float(profile_mm[-1, 1])
@@ -1081,7 +1137,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         return section.rotate_from_s + section.longest_rotation_s + section.settle_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a drum that cannot be filled or that turns after its report."""
+        """Yield settings with which a drum cannot be filled or reports too early."""
         yield from self.find_impossible_filling(settings)
         section = self.section(settings)
         if section.report_s < section.rotate_from_s:

@@ -1,4 +1,8 @@
-"""The factory adds new grains to a simulation: where, when and how they appear."""
+"""Add new grains to a simulation: where, when and in which orientation they appear.
+
+A `Factory` describes the source of the grains. A trial (`repose.bench.trial.Trial`) is
+the simulation of one run, which is "advanced" when it runs for some time steps.
+"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -16,7 +20,7 @@ if TYPE_CHECKING:
 
 # Largest number of random points that are tried for a new grain in a time step.
 MOST_POINTS = 200
-# Share of the volume of a bed that grains fill, for a first estimate of their number.
+# Fraction of the volume of a bed that grains fill, to estimate their number at first.
 LIKELY_PACKING = 0.6
 # `Disc.points` may differ from `Disc.point` in the last digits. A point is therefore
 # taken as likely free if its squared distances exceed the squared limit times this
@@ -32,7 +36,7 @@ class Disc:
     height_m: float
 
     def point(self, first: float, second: float) -> tuple[float, float, float]:
-        """Compute the point [m] of two uniformly random numbers between 0 and 1."""
+        """Compute the point [m] that belongs to two random numbers from 0 to 1."""
         r = self.radius_m * math.sqrt(first)
         angle = 2.0 * math.pi * second
         return r * math.cos(angle), r * math.sin(angle), self.height_m
@@ -57,7 +61,7 @@ class Strip:
     height_m: float
 
     def point(self, first: float, second: float) -> tuple[float, float, float]:
-        """Compute the point [m] of two uniformly random numbers between 0 and 1."""
+        """Compute the point [m] that belongs to two random numbers from 0 to 1."""
         x = self.half_x_m * (2.0 * first - 1.0)
         y = self.half_y_m * (2.0 * second - 1.0)
         return x, y, self.height_m
@@ -74,7 +78,7 @@ Area = Disc | Strip
 
 @dataclass(frozen=True)
 class Factory:
-    """Place, number and rate of the grains that are added to a scene.
+    """The source of new grains: place, number and rate at which they are added.
 
     Attributes
     ----------
@@ -103,12 +107,14 @@ def find_free_point(
     """Find a random point of an area at which a new grain touches no other grain.
 
     Up to `MOST_POINTS` points are tried. All points after the first are computed at
-    once, which is quicker. The result is the same as if they were tried one by one.
+    once, which is quicker. The result and the state of the random generator are the
+    same as if the points were tried one by one, with two random numbers for each.
 
     Parameters
     ----------
     rng : Generator
         Random generator. It is advanced by two numbers for each point that is tried.
+        Runs are only reproducible if this order of the numbers stays.
     simulation : repose.dem.Simulation
         The simulation with its grains.
     area : Disc or Strip
@@ -119,8 +125,9 @@ def find_free_point(
     array or None
         The point (3,) [m]; None if no point is free.
     """
-    # Grains whose centres are farther apart than this distance cannot touch. Only
-    # grains that are not this far below the area can touch a new grain.
+    # Two grains cannot touch if their centres are farther apart than this distance. So
+    # a grain that lies deeper than this below the area cannot touch a new grain, and is
+    # left out.
     contact_distance = 2.0 * simulation.radius
     positions = simulation.positions
     is_high = positions[:, 2] > area.height_m - contact_distance
@@ -131,16 +138,18 @@ def find_free_point(
     if _is_free(point, neighbours, contact_distance):
         return point
 
-    # Draw all other points at once, and list those that seem free.
+    # Draw the random numbers of all other points at once, and list the points that seem
+    # free. Points are computed in an array, which may change their last digits.
     state_before = rng.bit_generator.state
     numbers = rng.random((MOST_POINTS - 1, 2))
     candidates = _find_likely_free(area.points(numbers), neighbours, contact_distance)
     for candidate in candidates:
-        # Compute the point again, because `Disc.points` may differ in the last digits.
+        # Compute the point again by itself, so that its digits do not depend on the
+        # array.
         point = np.array(area.point(*numbers[candidate].tolist()))
         if _is_free(point, neighbours, contact_distance):
-            # Too many random numbers were drawn. Restore the state before them, and
-            # draw only those up to this point.
+            # Too many random numbers were drawn. Restore the state of the generator,
+            # and draw only those up to and including this point.
             rng.bit_generator.state = state_before
             rng.random((candidate + 1, 2))
             return point
@@ -201,49 +210,60 @@ def draw_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
     Parameters
     ----------
     orientation : str
-        ``random`` for any orientation, ``lying`` for a level long axis, or ``upright``
-        for a vertical long axis.
+        ``random`` for any orientation, ``upright`` for a vertical long axis, or
+        ``lying`` for a level long axis. Any other word counts as ``lying``.
     rng : Generator
         Random generator, which is advanced.
 
     Returns
     -------
     array
-        Quaternion (w, x, y, z) that rotates the frame of the body to that of the world.
+        Quaternion (w, x, y, z) that rotates vectors from the frame of the body to that
+        of the world.
     """
     if orientation == "random":
         return random_quaternion(rng)
+    # A body whose long axis is level or vertical can still be turned about the vertical
+    # (azimuth) and rolled about its long axis (roll). Both angles are uniform, so no
+    # orientation is preferred.
     azimuth, roll = rng.uniform(0.0, 2.0 * math.pi, 2)
 
-    # First roll the body about its long axis, x, which stays level.
+    # The body is first rolled about its long axis, x. This is the quaternion (cos, sin,
+    # 0, 0) of half the angle.
     cos_roll = math.cos(roll / 2)
     sin_roll = math.sin(roll / 2)
     if orientation == "upright":
-        # Then turn it by -90 degrees about y, which makes the long axis vertical.
+        # Then it is turned by -90 degrees about y, which makes the long axis vertical.
+        # This is a multiplication by the quaternion sqrt(1/2) (1, 0, -1, 0) from the
+        # left.
         w, x, y, z = math.sqrt(0.5) * np.array(
             [cos_roll, sin_roll, -cos_roll, sin_roll]
         )
     else:
+        # The long axis is level already.
         w, x, y, z = np.array([cos_roll, sin_roll, 0.0, 0.0])
 
-    # Finally turn it about the vertical. This is a multiplication by the quaternion
-    # (c, 0, 0, s) from the left.
+    # Finally it is turned about the vertical. This is a multiplication by the
+    # quaternion (c, 0, 0, s) from the left.
     c = math.cos(azimuth / 2)
     s = math.sin(azimuth / 2)
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
 def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
-    """Add the only grain of a trial on the z axis, with its lowest point at a height.
+    """Add a single grain on the z axis, with its lowest point at a height.
+
+    The grain takes the first of the relative sizes of the trial.
 
     Parameters
     ----------
     trial : Trial
-        The trial, to which the grain is added. Its seed gives the orientation.
+        The simulation of a run with one free grain, which is added. Its seed determines
+        the orientation.
     orientation : str
         Kind of the random orientation, see `draw_orientation`.
     height_m : float, optional
-        Height of the lowest point.
+        Height of the lowest point above z = 0.
     """
     rng = np.random.default_rng(trial.scene.seed)
     quaternion = draw_orientation(orientation, rng)
@@ -255,16 +275,20 @@ def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
     lowest_point = trial.scene.particle.support_point(down_in_body[np.newaxis])[0]
     depth_m = scale * float(lowest_point @ down_in_body)
     centre = (0.0, 0.0, height_m + depth_m)
+    # "berry" is the name of the shape of all grains.
     trial.simulation.add("berry", centre, quaternion, scale=scale)
 
 
 def last_berry_s(section: "Poured") -> float:
-    """Compute the time [s] at which the last grain appears. The first one appears at 0."""
+    """Compute the time [s] at which the last grain appears.
+
+    The first grain appears at the time 0. `berries` is the number of grains.
+    """
     return (section.berries - 1) / section.rate_per_s
 
 
 def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str]]:
-    """Yield the key of a time that comes before the last grain has appeared.
+    """Yield the key of a time that lies before the last grain has appeared.
 
     Parameters
     ----------
@@ -295,9 +319,10 @@ def fill(trial: "Trial", factory: Factory, last_step: int) -> None:
     Parameters
     ----------
     trial : Trial
-        The empty trial. It is advanced until the last grain has appeared.
+        The simulation of the run, without grains. It is advanced until the last grain
+        has appeared.
     factory : Factory
-        The grains.
+        The source of the grains.
     last_step : int
         The last time step, counted from the beginning of the simulation. Grains that
         are due at this step or later are left out.
@@ -320,11 +345,11 @@ def fill_and_rest(
     Parameters
     ----------
     trial : Trial
-        The empty trial, which is advanced.
+        The simulation of the run, without grains. It is advanced in place.
     factory : Factory
-        The grains.
+        The source of the grains.
     until_s : float
-        Shortest simulated time [s].
+        Shortest simulated time [s] of filling and rest.
     check_interval : int
         Time steps between two checks whether the grains are at rest.
     is_at_rest : function, optional
@@ -349,21 +374,21 @@ def fill_to_level_and_rest(
     """Fill a trial up to a level of the bed, and wait until the grains are at rest.
 
     First, half of the likely number of grains is added. Once they are at rest, the
-    level of the bed (`bed_level_m`) shows how many grains are missing. Missing grains
-    are added in this way until there are enough. The wait for rest ends at twice the
-    time `until_s` at the latest, even if the grains still move.
+    level of the bed (`bed_level_m`) shows how many grains are still missing, and these
+    are added. This is repeated until no grain is missing. The wait for rest ends at
+    twice the time `until_s` at the latest, even if the grains still move.
 
     Parameters
     ----------
     trial : Trial
-        The empty trial, which is advanced.
+        The simulation of the run, without grains. It is advanced in place.
     factory : Factory
-        The grains. Its `n_grains` is the largest number that is added. It must be at
-        least the number that would fill the bed without gaps.
+        The source of the grains. Its `n_grains` is the largest number that is added. It
+        must be at least the number that would fill the bed without gaps.
     level_mm : float
         The level of the bed.
     until_s : float
-        Shortest simulated time [s].
+        Shortest simulated time [s] of filling and rest.
     check_interval : int
         Time steps between two checks whether the grains are at rest.
     is_at_rest : function, optional
@@ -377,6 +402,7 @@ def fill_to_level_and_rest(
     rest_check = is_at_rest or trial.is_at_rest
     rng = np.random.default_rng(trial.scene.seed)
 
+    # `n_grains` would fill the bed without gaps, so a part of it is the likely number.
     n_missing = max(1, round(0.5 * LIKELY_PACKING * factory.n_grains))
     while n_missing > 0 and simulation.steps < latest_step:
         n_left = factory.n_grains - simulation.n_bodies
@@ -386,7 +412,9 @@ def fill_to_level_and_rest(
         # Let the last grain fall to the bed before the grains are checked for rest.
         trial.run_to(min(latest_step, simulation.steps + fall_steps))
         trial.wait(rest_check, latest_step, check_interval)
-        # The level of the bed is proportional to the number of grains.
+        # The level of a bed is proportional to the number of its grains. So the number
+        # is wrong by the same fraction as the level. At least one grain has been added,
+        # so the level is above 0.
         missing_share = 1e-3 * level_mm / bed_level_m(simulation) - 1.0
         n_missing = round(simulation.n_bodies * missing_share)
     trial.run_to(round(until_s / time_step_s))
@@ -410,12 +438,14 @@ def _add_grains(
 ) -> None:
     """Add a number of grains at the rate of a factory, up to a last time step.
 
+    A grain is due at a fixed time after the call. It appears later if there is no room.
+
     Parameters
     ----------
     trial : Trial
-        The trial, which is advanced.
+        The simulation of the run, which is advanced in place.
     factory : Factory
-        Area, rate, speed and orientation of the grains.
+        The source of the grains: their area, rate, speed and orientation.
     n_grains : int
         Number of grains. Grains that have not been added by the last time step are left
         out.
@@ -429,6 +459,7 @@ def _add_grains(
     first_step = simulation.steps
     velocity = (0.0, 0.0, -factory.speed_m_s)
     for index in range(n_grains):
+        # A wait for room does not delay the grains that follow.
         due_s = index / factory.rate_per_s
         due_step = first_step + round(due_s / simulation.time_step_s)
         if due_step >= last_step:
@@ -438,6 +469,8 @@ def _add_grains(
         if point is None:
             return
         quaternion = draw_orientation(factory.orientation, rng)
+        # Sizes were drawn for all grains of the run, so continue after those already
+        # there.
         scale = trial.scales[n_before + index]
         simulation.add("berry", point, quaternion, velocity, scale=scale)
 

@@ -40,7 +40,7 @@ LARGEST_LOSS = 0.1
 # of the article's study and ours, the fraction was 0.86 or more.
 SMALLEST_PILE = 0.5
 FEWEST_IN_PILE = 10
-# Share of the volume of a poured pile that its grains fill.
+# Fraction of the volume of a poured pile that its grains fill.
 PACKING = 0.6
 # A grain below this height has left the plate and is gone.
 FLOOR_M = -0.05
@@ -301,26 +301,32 @@ def _is_pour_over(
     section: FunnelSettings,
     position_history: Sequence[np.ndarray],
 ) -> bool:
-    """Return whether a pour is over: all grains have left the funnel and are at rest.
+    """Return whether all grains have been poured, have left the funnel and are at rest.
+
+    A grain is at rest if it hardly moved in the last rest window, and is so slow now
+    that it would hardly move in the next one.
 
     Parameters
     ----------
     simulation : repose.dem.Simulation
         The simulation.
     section : FunnelSettings
-        The section `funnel` of the configuration.
+        The section `funnel` of the configuration. Its `berries` is the number of
+        grains.
     position_history : sequence of array
         Positions (N, 3) [m] of the grains at the checks in the last rest window. The
         last entry is the present state. A complete window has `CHECKS_PER_WINDOW` + 1
         entries.
     """
+    # Mask (N,) of the grains that have not fallen from the plate. Only these count.
     present = simulation.present
     all_poured = simulation.n_bodies >= section.berries and present.any()
     is_window_complete = len(position_history) > CHECKS_PER_WINDOW
     if not (all_poured and is_window_complete):
         return False
 
-    # No grain has moved far since the beginning of the rest window.
+    # No grain has moved far since the beginning of the rest window. `motion_m` is the
+    # distance between its first and its last position.
     largest_motion_m = 1e-3 * section.rest_motion_mm
     motion_m = np.linalg.norm(position_history[-1] - position_history[0], axis=1)
     stayed_in_place = motion_m[present].max() <= largest_motion_m
@@ -333,7 +339,8 @@ def _is_pour_over(
     next_motion_m = speed[present].max() * section.rest_window_s
     stands_still = next_motion_m <= STANDSTILL_SHARE * largest_motion_m
 
-    # No grain is left in the funnel.
+    # No grain is left in the funnel. A grain that is stuck in the outlet may have its
+    # centre up to its bounding radius below the outlet.
     highest_m = position_history[-1][present, 2].max()
     is_below_outlet = highest_m <= section.funnel.outlet_height_m - simulation.radius
     return bool(stayed_in_place and stands_still and is_below_outlet)
@@ -370,29 +377,35 @@ def _describe_final_state(
     window_start_centres: np.ndarray | None,
     wall_time: _WallTime,
 ) -> Pour:
-    """Describe the end of a pour: where each grain is, and how the grains move.
+    """Measure the end of a pour: where each grain is, and how the grains move.
 
     Each grain is in the funnel, on the plate or off the plate. The pile is the largest
-    group of grains on the plate that touch each other.
+    group of grains on the plate that touch each other. The plate lies at z = 0.
 
     Parameters
     ----------
     trial : Trial
-        The pour.
+        The simulation of the pour at its end.
     outlet_height_m : float
-        Height of the funnel's outlet.
+        Height of the funnel's outlet above the plate.
     window_start_centres : array or None
         Centres (N, 3) [m] of the grains at the beginning of the last rest window. None
         means that the pour ended before its first check for rest. The motion is then
         unknown, and the largest motion is recorded as 0.
     wall_time : _WallTime
         Wall time of the whole pour, and per time step.
+
+    Returns
+    -------
+    Pour
+        The final state, with all numbers by which the run is accepted or rejected.
     """
     simulation = trial.simulation
     centres = simulation.positions.copy()
     present = simulation.present
 
-    # A grain that is stuck in the outlet may have its centre a little below the rim.
+    # A grain that is stuck in the outlet may have its centre up to its bounding radius
+    # below the outlet.
     is_in_funnel = present & (centres[:, 2] > outlet_height_m - simulation.radius)
     is_on_plate = present & (centres[:, 2] > 0.0) & ~is_in_funnel
     is_in_pile = largest_cluster(simulation.contacts(), is_on_plate)
@@ -405,6 +418,8 @@ def _describe_final_state(
         motion_m = np.linalg.norm(centres - window_start_centres, axis=1)
         largest_motion_m = float(motion_m[is_on_plate].max(initial=0.0))
 
+    # Every grain that is neither in the funnel nor on the plate has left the plate.
+    # This includes grains that fell so deep that they were removed.
     return Pour(
         centres_m=centres,
         quaternions=simulation.quaternions.copy(),
@@ -437,7 +452,7 @@ def _compute_discharge_s(exit_times_s: np.ndarray) -> float:
 
 
 def _make_factory(section: FunnelSettings, grain_radius_m: float) -> Factory:
-    """Make the factory of a pour, which adds grains in a disc above the inlet.
+    """Make the source of grains of a pour, which adds them in a disc above the inlet.
 
     Parameters
     ----------
@@ -445,7 +460,7 @@ def _make_factory(section: FunnelSettings, grain_radius_m: float) -> Factory:
         The section `funnel` of the configuration.
     grain_radius_m : float
         Bounding radius of the largest grain. Centres of new grains keep this distance
-        from the edge of the configured disc.
+        from the edge of the configured disc, so that no grain protrudes beyond it.
     """
     height_m = section.funnel.inlet_height_m + 1e-3 * section.factory_height_mm
     radius_m = 0.5e-3 * section.factory_diameter_mm - grain_radius_m
@@ -499,27 +514,31 @@ class FunnelTest(BenchTest[FunnelSettings]):
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the funnel and the plate as arguments of `repose.dem.Simulation`.
 
-        The plate lies at z = 0. All lengths are in m.
+        The keys are the names of the arguments. The plate lies at z = 0. All lengths
+        are in m.
 
         Parameters
         ----------
         scene : Scene
             The settings of the funnel.
         largest_radius_m : float
-            Bounding radius of the largest grain, for which the box has room.
+            Radius of a ball that contains the largest grain in any orientation.
 
         Returns
         -------
         dict
-            Capacity in grains, walls by name, lower and upper corner of the box, the
-            height at which a grain leaves the funnel, the height above which walls are
-            curved, and the height below which a grain vanishes.
+            ``capacity``, the largest number of grains; ``walls`` by name; ``lower`` and
+            ``upper`` corner of the box; ``exit_height_m``, at which a grain leaves the
+            funnel; ``curved_walls_above_m``, the height above which all curved walls
+            lie; and ``floor_height_m``, below which a grain is removed.
         """
         section = self.section(scene.settings)
         funnel = section.funnel
         plate_radius = 0.5e-3 * section.plate_diameter_mm
         plate = dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius)
         inlet_radius = 0.5 * funnel.inlet_diameter_m
+        # The box leaves room for a grain at its sides, and for grains that appear above
+        # the inlet.
         half_side = max(plate_radius, inlet_radius) + 2.0 * largest_radius_m
         box_height = funnel.inlet_height_m + 4.0 * largest_radius_m
         return {
@@ -539,7 +558,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         progress: Progress | None = None,
         until_rest: bool = True,
     ) -> Pour:
-        """Pour the grains (section 3.1 of the paper).
+        """Pour the grains through the funnel until the pile rests (paper, 3.1).
 
         Parameters
         ----------
@@ -570,12 +589,16 @@ class FunnelTest(BenchTest[FunnelSettings]):
         # The wall time of a step is measured over the last second of the pour.
         timing_start_step = last_step - simulation_settings.steps(1.0)
         timer = _StepTimer()
-        # Positions at the checks of the last rest window. The deque drops older ones.
+        # Positions of the grains at the checks of the last rest window. The deque drops
+        # older ones, so that its first entry is always the beginning of the window: a
+        # window has `CHECKS_PER_WINDOW` intervals, and one check more.
         position_history: deque[np.ndarray] = deque(maxlen=CHECKS_PER_WINDOW + 1)
-        # This block ends as soon as a limit is exceeded. The state at that moment is
-        # then described.
+        # `guard` ends this block without an error as soon as the run exceeds a limit of
+        # speed, energy or overlap. The code below then describes the state at that
+        # moment, and `trial.broken` holds the reason.
         with trial.bound(factory.area.height_m).guard():
-            # The last grain must appear a whole rest window before the end.
+            # `fill` adds the grains. The last grain must appear a whole rest window
+            # before the end.
             fill(trial, factory, last_step - window_steps)
             timer.start(simulation.steps)
             for step in _yield_check_steps(simulation.steps, last_step, window_steps):
@@ -599,7 +622,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         )
 
     def judge(self, outcome: Pour, settings: SceneSettings) -> Verdict:
-        """Judge a stable pour before its pile is measured.
+        """Check a stable pour before its pile is measured, and return its status.
 
         Parameters
         ----------
@@ -611,12 +634,14 @@ class FunnelTest(BenchTest[FunnelSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first of these faults: grains in the funnel, too many grains
-            off the plate, grains in motion, no pile.
+            `OK`, or the status of the first check that fails: grains in the funnel or
+            not poured (``jammed``), too many grains off the plate (``left_plate``),
+            grains in motion (``not_at_rest``), or no pile (``no_flank``).
         """
         section = self.section(settings)
         n_grains = section.berries
-        # Grains that found no room above the inlet were never added.
+        # `berries` is the configured number of grains. Grains that found no room above
+        # the inlet were never added.
         n_waiting = n_grains - len(outcome.centres_m)
         if outcome.in_funnel or n_waiting > 0:
             return Verdict(
@@ -624,6 +649,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 f"{outcome.in_funnel} grains are still in the funnel and {n_waiting} are "
                 "not poured at the end",
             )
+        # `LARGEST_LOSS` and `SMALLEST_PILE` are fractions.
         if outcome.off_plate > LARGEST_LOSS * n_grains:
             return Verdict(
                 "left_plate", f"{outcome.off_plate} of {n_grains} grains left the plate"
@@ -633,7 +659,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         if motion_verdict is not None:
             return motion_verdict
 
-        # Grains that do not touch each other form no pile.
+        # A pile whose grains lie apart has no flank.
         n_in_pile = int(outcome.in_pile.sum())
         n_on_plate = int(outcome.on_plate.sum())
         if n_in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * n_on_plate):
@@ -646,7 +672,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         return OK
 
     def _judge_motion(self, outcome: Pour, settings: SceneSettings) -> Verdict | None:
-        """Judge by the energy and by the motion of the grains whether the pile rests.
+        """Check whether the pile rests, by the energy and the motion of its grains.
 
         Parameters
         ----------
@@ -658,10 +684,11 @@ class FunnelTest(BenchTest[FunnelSettings]):
         Returns
         -------
         Verdict or None
-            The fault; None if the pile rests.
+            The status ``not_at_rest`` with its reason; None if the pile rests.
         """
         section = self.section(settings)
         n_in_pile = int(outcome.in_pile.sum())
+        # The kinetic energy in the outcome is that of the grains in the pile.
         mean_energy_j = outcome.kinetic_energy_j / max(1, n_in_pile)
         energy_verdict = not_at_rest(mean_energy_j, settings, advice=MORE_TIME_ADVICE)
         if energy_verdict is not None:
@@ -715,12 +742,12 @@ class FunnelTest(BenchTest[FunnelSettings]):
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Measure the pile of a pour.
+        """Measure the pile of a run, and add the numbers to its record.
 
         Parameters
         ----------
         record : mapping
-            The record of the pour: seed, status, reason and numbers.
+            The record of the run: seed, status, reason and the numbers of `run`.
         arrays : mapping
             The arrays of the pour by name, as `run` returns them.
         scene : Scene
@@ -730,16 +757,17 @@ class FunnelTest(BenchTest[FunnelSettings]):
         -------
         dict
             The record with the `BASIC_NUMBERS` and all other responses that are
-            targets. They are None in a pour that is not ``ok``. If a target has a
-            number that cannot be measured, the result has another status and a reason.
+            targets. They are None in a run that is not ``ok``. If a target cannot be
+            measured, the status and the reason change.
         """
         settings = scene.settings
         targets = self.target_responses(settings.config)
         computed_targets = [target for target in targets if target.computed_from]
         extra_names = _list_extra_numbers(targets, record)
 
-        # The order of the keys is that of the columns in a table: first the verdict,
-        # then the responses, then the other numbers.
+        # The results become the columns of a table, in the order of these three dicts:
+        # first seed, status and reason, then the responses, then the other numbers of
+        # the record. A response is None until it is measured.
         verdict = {key: record[key] for key in ("seed", "status", "reason")}
         responses: dict[str, Any] = dict.fromkeys((*BASIC_NUMBERS, *extra_names))
         for target in computed_targets:
@@ -752,11 +780,13 @@ class FunnelTest(BenchTest[FunnelSettings]):
 
         pile_numbers, reasons = self._measure_pile(arrays, scene, extra_names)
         responses |= pile_numbers
-        # A computed response needs numbers of the record and of the pile.
+        # Some targets are responses that are computed from other numbers
+        # (`computed_from`). These numbers are in the record, or were measured just now.
         known_numbers = {**record, **responses}
         for target in computed_targets:
             responses[target.name] = target.of(known_numbers)
-        # A pour that lacks the number of a target is not ``ok``.
+        # If a target has no number, this gives the run another status. Otherwise
+        # nothing changes.
         verdict |= self.check_targets({**record, **responses}, settings, reasons)
         return verdict | responses | other_numbers
 
@@ -793,7 +823,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         return self.section(settings).duration_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a funnel that cannot be built, or of a pour that cannot end.
+        """Yield settings with which a funnel cannot be built, or a pour cannot end.
 
         Parameters
         ----------
@@ -803,7 +833,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         Yields
         ------
         tuple of str
-            A key of the configuration, and what is allowed.
+            A key of the configuration, and the values that are allowed for it.
         """
         section = self.section(settings)
         window_s = section.rest_window_s
@@ -814,7 +844,8 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 f"at most half of funnel.rest_window_s, {window_s:g}",
             )
 
-        # The grains must appear above the inlet and fall onto the plate.
+        # The grains must appear above the inlet, in a disc that the `factory_...` keys
+        # describe, and fall onto the plate.
         yield from find_impossible_surfaces(section, NAME)
         if section.factory_diameter_mm > section.inlet_diameter_mm:
             yield (
@@ -827,7 +858,8 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 f"at least funnel.outlet_diameter_mm, {section.outlet_diameter_mm:g}",
             )
 
-        # A whole rest window must follow the appearance of the last grain.
+        # The pile is observed for a whole rest window after the last grain has
+        # appeared.
         if window_s >= section.duration_s:
             yield (
                 "funnel.rest_window_s",

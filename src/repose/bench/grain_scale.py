@@ -1,4 +1,4 @@
-"""Units of length, time and energy for a grain of diameter d and mass m under gravity g.
+"""Units of length, time and energy of a grain: diameter d, mass m, under gravity g.
 
 They are d for lengths, sqrt(d / g) for times and m g d for energies. In these units,
 grains of different sizes move in the same way if their shape and friction are the same.
@@ -18,7 +18,7 @@ CHECK_TIMES = 1.35
 
 
 class GrainScale(NamedTuple):
-    """Diameter and mass of a grain and the gravity that acts on it: the units of a scene.
+    """The units of a scene: diameter and mass of a grain, and the gravity on it.
 
     Attributes
     ----------

@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 class ConeLine(NamedTuple):
     """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it.
 
-    The line consists of the points (r, z) with normal . (r, z) = offset. The place of a
-    point is its distance along the line from the point nearest to the origin, positive
-    in the direction `up`. All lengths are in m.
+    A point of the line is (r, z) = offset * normal + s * up. The normal and the
+    direction `up` are perpendicular unit vectors. The distance s along the line counts
+    from the point that is nearest to the origin. All lengths are in m.
     """
 
-    normal_r: float  # unit vector from the inside into the wall
+    normal_r: float  # unit vector from the inside of the funnel into the wall
     normal_z: float
-    offset: float
-    first: float  # place of the lower end
-    last: float  # place of the upper end
+    offset: float  # signed distance of the line from the origin
+    first: float  # distance s of the lower end
+    last: float  # distance s of the upper end
     up_r: float  # unit vector along the line
     up_z: float
 
@@ -88,7 +88,10 @@ class Funnel:
 
     @property
     def _offset(self) -> float:
-        """Offset [m] of the cone's line, which is tangent to the rounded edge below it."""
+        """Offset [m] of the line of the cone.
+
+        The line touches the rounded edge below it.
+        """
         return (
             math.sin(self._slope) * self._edge_circle_radius_m
             - math.cos(self._slope) * self.neck_height_m
@@ -106,19 +109,24 @@ class Funnel:
         return r, z
 
     def cone_line(self) -> ConeLine:
-        """Compute the line of the cone, from the rounded edge below it up to the inlet."""
+        """Compute the line of the cone, from the rounded edge below it to the inlet."""
         sin = math.sin(self._slope)
         cos = math.cos(self._slope)
         foot_r, foot_z = self._foot_point
-        # Places are distances along the line. The line begins where it touches the
-        # rounded edge: at the projection of the edge's centre onto its direction.
+        # `first` and `last` are distances along the line, from its foot point. A
+        # distance is the component of a point (r, z) along the unit vector (cos, sin)
+        # of the line. The line begins where it touches the rounded edge below it. That
+        # point and the centre of the edge have the same component, because the radius
+        # between them is perpendicular to the line.
         first = cos * self._edge_circle_radius_m + sin * self.neck_height_m
-        # The line ends at the radius of the inlet. The place of the foot point is 0
+        # The line ends at the radius of the inlet. Along the line, r grows by cos for
+        # each unit of distance. The distance of the foot point, `foot_place`, is 0
         # apart from rounding errors. It stays in the sum because the last bits of the
         # results depend on it.
         inlet_radius = 0.5 * self.inlet_diameter_m
         foot_place = cos * foot_r + sin * foot_z
         last = (inlet_radius - foot_r) / cos + foot_place
+        # The normal is the direction of the line, turned by -90 degrees.
         return ConeLine(
             normal_r=sin,
             normal_z=-cos,
@@ -133,7 +141,8 @@ class Funnel:
         """Make the walls of the funnel by name.
 
         They are the cone and the rounded edge of its outlet. A funnel with a tube also
-        has the tube, and the rounded edge where the cone meets it, the neck.
+        has the tube, and the rounded edge where the cone meets the tube, which is
+        called the neck.
 
         Parameters
         ----------
@@ -145,8 +154,9 @@ class Funnel:
         dict
             ``cone``, ``outlet`` and, with a tube, ``tube`` and ``neck``.
         """
-        # Directions (r, z) from an edge along the walls that meet there. Zeros mean
-        # that there is no wall.
+        # Directions (r, z) in which the walls leave an edge. A rounded edge is touched
+        # only where these walls do not hide it. A zero vector means that there is no
+        # wall.
         along_cone = (math.cos(self._slope), math.sin(self._slope))
         up_tube = (0.0, 1.0)
         down_tube = (0.0, -1.0)
@@ -155,7 +165,7 @@ class Funnel:
         def make_edge(
             above: tuple[float, float], below: tuple[float, float], height_m: float
         ) -> "RingEdge":
-            """Make the rounded edge at a height between the walls above and below it."""
+            """Make the rounded edge at a height, between the walls above and below."""
             return dem.RingEdge(
                 self._edge_circle_radius_m,
                 self.rim_radius_m,
@@ -168,7 +178,8 @@ class Funnel:
         if self.tube_length_m == 0.0:
             outlet = make_edge(along_cone, no_wall, self.outlet_height_m)
             return {"cone": cone, "outlet": outlet}
-        # The tube is a line at a constant radius in the half-plane (r, z).
+        # The tube is a vertical line at a constant radius r, so distances along it are
+        # heights.
         tube_line = ConeLine(
             normal_r=1.0,
             normal_z=0.0,
@@ -187,7 +198,10 @@ class Funnel:
 
 
 def find_impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
-    """Yield keys of a funnel that cannot be built.
+    """Yield the settings with which a funnel cannot be built.
+
+    The outlet must be narrower than the inlet, and its rounded edges must leave some of
+    the cone between them.
 
     Parameters
     ----------
@@ -199,7 +213,7 @@ def find_impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
     Yields
     ------
     tuple of str
-        A key of the configuration, and what is allowed.
+        A key of the configuration, and the values that are allowed for it.
     """
     inlet_mm = hopper.inlet_diameter_mm
     outlet_mm = hopper.outlet_diameter_mm
@@ -208,8 +222,9 @@ def find_impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
             f"{name}.outlet_diameter_mm",
             f"below {name}.inlet_diameter_mm, {inlet_mm:g}",
         )
-    # On each side of the axis, twice the radius of the edge must fit between the outlet
-    # and the inlet.
+    # The distance between outlet and inlet, measured on one side of the axis, is half
+    # of the difference of the diameters. Twice the radius of the edge (the rim) must
+    # fit into it.
     largest_rim_mm = (inlet_mm - outlet_mm) / 4
     if hopper.rim_radius_mm > largest_rim_mm:
         yield (
@@ -221,7 +236,7 @@ def find_impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
 def find_narrow_openings(
     section: Section, name: str, sizes_mm: Mapping[str, float]
 ) -> Contradictions:
-    """Yield keys of openings that are no wider than a grain.
+    """Yield the keys of openings that are no wider than a grain.
 
     Parameters
     ----------
@@ -236,7 +251,7 @@ def find_narrow_openings(
     Yields
     ------
     tuple of str
-        A key of the configuration, and what is allowed.
+        A key of the configuration, and the values that are allowed for it.
     """
     for key, grain_size_mm in sizes_mm.items():
         if getattr(section, key) <= grain_size_mm:

@@ -54,8 +54,9 @@ FEWEST_SPEEDS = 3
 # A grain slides instead of rolling if its lowest point is faster than this fraction of
 # its speed.
 SLIDING_SHARE = 0.5
-# Distance between the grains of a glued layer, over that at which they touch. It is a
-# little larger than 1, since grains that just touch could overlap by rounding errors.
+# Ratio of the distance between grains of a glued layer to the distance at which they
+# touch. It is a little above 1, since grains that just touch could overlap by rounding
+# errors.
 LAYER_SPACING = 1.0001
 # Radius of a glued layer in bounding radii of a grain.
 LAYER_RADIUS = 3.5
@@ -132,26 +133,28 @@ NO_LAYER = Layer(np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
 def make_layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
     """Make a layer of grains that lie flat and close together on a plane.
 
-    The z axis goes through the gap between three neighbouring grains. The layer is the
-    densest layer of spheres, stretched along x and y by the half extents of the grain.
-    Grains that are not ellipsoids lie farther apart where their shape requires it.
+    The layer is the densest layer of spheres, stretched along x and y by the half
+    extents of the grain. The z axis goes through the gap between three neighbouring
+    grains. Grains that are not ellipsoids lie farther apart where their shape requires
+    it.
 
     Parameters
     ----------
     particle : Particle
-        Body of the grains.
+        Body that represents each grain.
     azimuth : float, optional
         Angle [rad] by which the layer is rotated about z.
 
     Returns
     -------
     Layer
-        Centres and orientation of the grains, and half of their thickness as the depth
-        of the plane.
+        Centres and orientation of the grains, and the depth of the plane below the
+        centres: half of the thickness of a grain.
     """
     from scipy.spatial.transform import Rotation
 
     # Rotate the body so that its longest axis points along x and its shortest axis up.
+    # The rows of this rotation matrix are the axes of the body.
     half_extents = particle.dem_shape("berry").half_extents_m
     longest_first = np.argsort(half_extents)[::-1]
     half_x, half_y, half_z = half_extents[longest_first]
@@ -160,7 +163,8 @@ def make_layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
     # whose determinant is -1, reverse one axis.
     body_axes[2] *= np.linalg.det(body_axes)
 
-    # Stretch a layer of unit spheres, and cut a disc out of it.
+    # Stretch a layer of unit spheres, and cut a disc out of it, whose radius is
+    # `LAYER_RADIUS` times that of a grain. All centres stay at the height 0.
     stretch = np.array([half_x, half_y, 0.0])
     spacing = _compute_layer_spacing(particle, body_axes, stretch)
     centres = spacing * _make_sphere_layer() * stretch
@@ -178,17 +182,18 @@ def make_layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
 
 
 def _make_sphere_layer() -> np.ndarray:
-    """Place spheres of radius 1 in the densest layer at z = 0.
+    """Place spheres of radius 1 in the densest layer, in which each touches six others.
 
-    The gap between three of the spheres lies at the origin.
+    The layer lies at z = 0, and the gap between three of the spheres at the origin.
 
     Returns
     -------
     array
         Centres (N, 3) of the spheres.
     """
-    # The stretched layer is cut at a radius later. Rows are shifted and grains may be
-    # narrow, so make far more spheres than lie within `LAYER_RADIUS`.
+    # The caller stretches this layer and then cuts it at `LAYER_RADIUS` times the
+    # radius of a grain. Each row is shifted sideways, and the layer may shrink along
+    # one axis. So make many more spheres than lie within this radius.
     half_count = math.ceil(LAYER_RADIUS)
     indices = np.arange(-2 * half_count, 2 * half_count + 1)
     column_grid, row_grid = np.meshgrid(indices, indices)
@@ -204,7 +209,7 @@ def _make_sphere_layer() -> np.ndarray:
 def _compute_layer_spacing(
     particle: "Particle", body_axes: np.ndarray, stretch: np.ndarray
 ) -> float:
-    """Compute the factor by which a stretched layer is spread so that no grains overlap.
+    """Compute the factor that spreads a stretched layer so that no grains overlap.
 
     Neighbouring ellipsoids of a stretched layer just touch. Other bodies may be wider
     than ellipsoids in the direction of the contact. The factor makes up for this.
@@ -255,7 +260,7 @@ MOTION_COLUMNS = _Motion._fields
 
 @dataclass(frozen=True)
 class Tilting(Outcome):
-    """The outcome of both tiltings of the plane."""
+    """The outcome of tilting the plane under the sled and under the grain."""
 
     # The sled or the grain if it was not at rest when the plane began to tilt, or empty
     restless_body: str = ""
@@ -299,7 +304,8 @@ def draw_azimuth(seed: int) -> float:
 def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
     """Lay a grain on the level plane and wait until it rests.
 
-    The long axis of the grain is level and points in a random direction.
+    The long axis of the grain is level and points in a random direction, which the seed
+    of the run determines.
 
     Parameters
     ----------
@@ -309,14 +315,17 @@ def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
         The section `inclined_plane` of the configuration.
     """
     simulation_settings = trial.scene.simulation
-    # The top of a glued layer lies above the centres by half of the thickness of a
-    # grain.
+    # The centres of a glued layer lie at the height 0. The grains of the layer lie
+    # flat, so the layer reaches up to half of the thickness of a grain. "berry" is the
+    # name of the material of the grains.
     height_m = 0.0
     if section.surface == "glued":
         half_extents = trial.scene.particle.dem_shape("berry").half_extents_m
         height_m = float(min(half_extents))
+    # "lying" stands for a level long axis.
     add_above(trial, "lying", height_m)
-    # Let the grain begin to move before checking whether it is at rest.
+    # Let the grain begin to move before the first check, so that it does not count as
+    # at rest.
     check_interval = max(
         1, simulation_settings.steps(trial.scene.scale.interval_s(REST_CHECK_TIMES))
     )
@@ -339,7 +348,7 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
     """Tilt the plane until the grain has moved or the steepest angle is reached.
 
     The plane of the simulation stays level. The direction of gravity is rotated
-    instead.
+    instead, at the rate `tilting_deg_s`.
 
     Parameters
     ----------
@@ -362,10 +371,12 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
         1, simulation_settings.steps(trial.scene.scale.interval_s(TILT_CHECK_TIMES))
     )
     first_step = simulation.steps
+    # The grain is the last body. Any others are the glued ones.
     initial_position = simulation.positions[-1].copy()
     motion_threshold_m = _compute_motion_threshold_m(simulation)
     motions = []
     while True:
+        # Record the motion at the present angle first, and then tilt further.
         tilting_steps = simulation.steps - first_step
         angle_deg = (
             section.tilting_deg_s * tilting_steps * simulation_settings.time_step_s
@@ -403,7 +414,9 @@ def _tilt_gravity(
 def _read_motion(
     simulation: "dem.Simulation", angle_deg: float, surface: str
 ) -> _Motion:
-    """Read the motion of the free grain, the last body of the simulation.
+    """Read the speed of the free grain, and the speed at which it slides.
+
+    The free grain is the last body of the simulation.
 
     Parameters
     ----------
@@ -418,7 +431,7 @@ def _read_motion(
     -------
     _Motion
         The motion. The speed of sliding is that of the lowest point of the grain, which
-        lies on the plane. On a glued layer there is no such point, and the speed of
+        touches the plane. On a glued layer there is no such point, and the speed of
         sliding is 0.
     """
     velocity = simulation.velocities[-1]
@@ -438,12 +451,14 @@ def _read_motion(
 def make_tilted_frames(
     frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float
 ) -> dict[str, np.ndarray]:
-    """Make the frames of a film in which the plane tilts and gravity points down.
+    """Turn the frames of a film so that the plane tilts and gravity points down.
 
     Parameters
     ----------
     frames : mapping
-        Frames at T times, with positions relative to the plane. They are not changed.
+        Frames at T times, with positions relative to the plane: ``time_s``,
+        ``position``, ``quaternion`` and ``planes`` (`Trial.frames`). They are not
+        changed.
     section : InclinedPlaneSettings
         The section `inclined_plane`, with the rate at which the plane tilts.
     last_deg : float
@@ -456,10 +471,12 @@ def make_tilted_frames(
     """
     time_s = np.asarray(frames["time_s"])
     # The plane is level at first. Then it tilts at a constant rate up to the last
-    # frame.
+    # frame. Count the time back from that frame, at which it is 0. The argument
+    # `initial` is needed if there are no frames.
     time_from_end_s = time_s - time_s.max(initial=0.0)
     tilt_deg = last_deg + section.tilting_deg_s * time_from_end_s
     tilt_deg = np.maximum(tilt_deg, 0.0)
+    # The functions below take the angle in radians.
     angle = np.radians(tilt_deg)
     position = np.asarray(frames["position"], float)
     quaternion = np.asarray(frames["quaternion"], float)
@@ -523,11 +540,11 @@ def _rotate_quaternions(quaternion: np.ndarray, angle: np.ndarray) -> np.ndarray
 
 
 def fit_onset_angle_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
-    """Find the angle at which a motion began, by a line through square roots of speeds.
+    """Find the angle at which a body began to move, from its speeds.
 
-    When a motion begins, the square root of the speed grows in proportion to the
-    further change of the angle. A line is fitted to these roots as a function of the
-    angle. The angle at which the line is zero is returned.
+    After the beginning, the square root of the speed grows in proportion to the angle
+    by which the plane has tilted further. A line is fitted to these roots as a function
+    of the angle. The body began to move at the angle where the line is zero.
 
     Parameters
     ----------
@@ -541,8 +558,9 @@ def fit_onset_angle_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float |
         too few speeds for a line.
     """
     speed_roots = np.sqrt(speed_m_s)
-    # The line is fitted to all roots after the last small one. If no root is small, the
-    # speeds do not include the beginning of the motion.
+    # The first speeds are noise of a body at rest. The line is fitted to all roots
+    # after the last small one. If no root is small, the speeds do not include the
+    # beginning of the motion.
     small_roots = np.flatnonzero(speed_roots < SMALLEST_ROOT_SHARE * speed_roots[-1])
     if small_roots.size == 0:
         return None
@@ -562,10 +580,12 @@ def _find_and_describe_onset(
 ) -> tuple[float | None, str]:
     """Find the angle at which a body began to slide or roll, and describe its motion.
 
+    The description tells the user why an angle is missing.
+
     Parameters
     ----------
     arrays : mapping
-        The arrays of the run.
+        The arrays of the run, as `InclinedPlaneTest.run` returns them.
     body : str
         `SLED`, which should slide, or `GRAIN`, which should roll.
     steepest_deg : float
@@ -575,18 +595,21 @@ def _find_and_describe_onset(
     -------
     angle_deg : float or None
         The angle [degrees]. None if the body stays in place or stops again, or if the
-        grain slides.
+        grain slides instead of rolling.
     text : str
-        A phrase that describes the motion.
+        The motion in words, such as "the sled begins to move at 30.00 degrees".
     """
     angle_deg, speed_m_s, slide_m_s = (
         np.asarray(arrays[f"{body}_{column}"], float) for column in MOTION_COLUMNS
     )
     body_name = BODY_NAMES[body]
     last_deg = angle_deg[-1]
+    # The tilting ends as soon as the body has moved (`_tilt`). So a body stayed in
+    # place if the tilting went on to the steepest angle.
     if last_deg >= steepest_deg:
         return None, f"the {body_name} stays up to {steepest_deg:g} degrees"
-    # The lowest point of a grain that rolls is nearly at rest.
+    # The lowest point of a grain that rolls is nearly at rest, because it touches the
+    # plane.
     if body == GRAIN and slide_m_s[-1] > SLIDING_SHARE * speed_m_s[-1]:
         text = f"the grain slides at {last_deg:.1f} degrees and does not roll"
         return None, text
@@ -626,7 +649,7 @@ def _lay_down_and_tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Mo
 def _add_to_outcome(
     outcome: Tilting, body: str, trial: Trial, motions: Sequence[_Motion]
 ) -> Tilting:
-    """Add the trial of another body to the outcome of a run.
+    """Combine the outcome of a run with the simulation of another body.
 
     Parameters
     ----------
@@ -635,7 +658,7 @@ def _add_to_outcome(
     body : str
         `SLED` or `GRAIN`.
     trial : Trial
-        The trial of the body.
+        The simulation of the body.
     motions : sequence of _Motion
         The motion of the body. The sequence is empty if the body was not at rest when
         the plane began to tilt.
@@ -643,8 +666,8 @@ def _add_to_outcome(
     Returns
     -------
     Tilting
-        The outcome of this body alone if its trial has a fault. Otherwise the outcome
-        of all bodies, with the largest of their overlaps.
+        If this body was unstable or not at rest, the outcome of this body alone.
+        Otherwise the given outcome, with the larger of both overlaps.
     """
     if trial.broken:
         return Tilting(
@@ -697,6 +720,8 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the level plane as arguments of `repose.dem.Simulation`.
+
+        The keys are the names of the arguments.
 
         Parameters
         ----------
@@ -753,6 +778,9 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     ) -> Run:
         """Tilt the plane under a sled, and then under a grain that can roll.
 
+        These are two separate simulations. The sled is a grain with so much rolling
+        friction that it slides before it rolls.
+
         Parameters
         ----------
         scene : Scene
@@ -766,21 +794,25 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         Returns
         -------
         Run
-            The arrays of each body are ``BODY_angle_deg`` (T,), ``BODY_speed_m_s`` (T,)
-            and ``BODY_slide_m_s`` (T,), the speed of its lowest point.
+            The arrays of a body have its name, `SLED` or `GRAIN`, in place of BODY.
+            They are ``BODY_angle_deg`` (T,), the angle of the plane; ``BODY_speed_m_s``
+            (T,), the speed of its centre; and ``BODY_slide_m_s`` (T,), the speed of its
+            lowest point.
         """
         section = self.section(scene.settings)
+        # Both simulations have the same glued layer, if the plane has one.
         build = partial(self.build, azimuth=draw_azimuth(scene.seed))
         sled_scene = replace(
             scene, parameters=make_sled_parameters(scene.parameters, section.surface)
         )
         sled_trial = Trial(build, sled_scene, 1, progress=progress)
         sled_motions = _lay_down_and_tilt(sled_trial, section)
+        # Only the simulation of the grain is filmed.
         grain_trial = Trial(build, scene, 1, interval_s, progress)
         grain_motions = _lay_down_and_tilt(grain_trial, section)
 
-        # One outcome covers both bodies. If both have a fault, it holds that of the
-        # grain.
+        # One outcome covers both bodies. The grain is added last, so that the outcome
+        # is that of the grain if both bodies have a problem.
         outcome = Tilting()
         outcome = _add_to_outcome(outcome, SLED, sled_trial, sled_motions)
         outcome = _add_to_outcome(outcome, GRAIN, grain_trial, grain_motions)
@@ -795,7 +827,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         return self.make_run(scene, outcome, arrays, frames)
 
     def judge(self, outcome: Tilting, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured."""
+        """Check that both bodies were at rest before the plane tilted."""
         if outcome.restless_body:
             body_name = BODY_NAMES[outcome.restless_body]
             settle_s = self.section(settings).settle_s
@@ -821,7 +853,8 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         dict
             The angles, and ``motion``, which describes the motion of both bodies. An
             angle is None if the body stays in place or stops again, or if the grain
-            slides.
+            slides. If such an angle is a target, there are also ``status`` and
+            ``reason``.
         """
         steepest_deg = self.section(scene.settings).steepest_deg
         slip_deg, sled_text = _find_and_describe_onset(arrays, SLED, steepest_deg)
@@ -831,8 +864,8 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             ROLL.name: roll_deg,
             "motion": f"{sled_text}; {grain_text}",
         }
-        # If the angle of a target is None, the motion of the body is given as the
-        # reason.
+        # If the angle of a target is None, `check_targets` returns a new status, with
+        # the motion of the body as the reason. Otherwise it returns an empty dict.
         reasons = {SLIP.name: sled_text, ROLL.name: grain_text}
         fault = self.check_targets(measured, scene.settings, reasons)
         return {**fault, **measured}
@@ -843,7 +876,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         return 2.0 * (section.settle_s + section.steepest_deg / section.tilting_deg_s)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield the rolling law if it would let a sled creep."""
+        """Yield the rolling law if it lets a sled creep down the plane."""
         law = settings.simulation.rolling_law
         if ROLLING_LAWS.entry(law).creeps:
             yield (

@@ -165,7 +165,7 @@ class LiftedCylinderSettings(Poured):
     )
 
     def contradictions(self) -> Contradictions:
-        """Yield the filling height if neither or both keys of the filling are given."""
+        """Yield the key of the level unless exactly one key of the filling is given."""
         has_number = self.berries is not ABSENT
         has_level = self.filling_height_mm is not ABSENT
         if not has_number and not has_level:
@@ -218,23 +218,26 @@ class _Tube:
     Attributes
     ----------
     lifted_m : float
-        Height of the lower edge of the tube above the plate.
+        Height [m] of the lower edge of the tube above the plate.
     n_filled : int
         Number of grains in the filled tube; 0 before.
     filling_height_mm : float
-        Level of the bed in the filled tube; NaN before.
+        Level [mm] of the bed in the filled tube; NaN before.
     """
 
     def __init__(self, trial: Trial, section: LiftedCylinderSettings) -> None:
+        """Begin with the empty tube of `trial`, which stands on the plate."""
         self.trial = trial
         self.simulation = trial.simulation
         self.simulation_settings = trial.scene.simulation
         self.section = section
+        # Number of time steps between two checks of the grains
         self.check_interval = max(
             1, self.simulation_settings.steps(trial.scene.scale.interval_s())
         )
         self.lifted_m = 0.0
         self.n_filled = 0
+        # The level is unknown until the tube has been filled.
         self.filling_height_mm = math.nan
 
     def fill(self, factory: Factory) -> None:
@@ -263,9 +266,14 @@ class _Tube:
         self.filling_height_mm = 1e3 * bed_level_m(self.simulation)
 
     def lift(self) -> None:
-        """Lift the tube until it is empty, but at most by its length, and stop it."""
+        """Lift the tube until it is empty, but at most by its length, and stop it.
+
+        `lifted_m` is updated at each check. It is needed to find out which grains are
+        still inside.
+        """
         simulation = self.simulation
         start_s = simulation.time_s
+        # The tube rises at a constant speed.
         lifting_m_s = 1e-3 * self.section.lifting_mm_s
         length_m = 1e-3 * self.section.length_mm
         last_step = simulation.steps + self.simulation_settings.steps(
@@ -285,12 +293,12 @@ class _Tube:
         self.trial.wait(self.is_at_rest, last_step, self.check_interval)
 
     def mark_grains_inside(self) -> np.ndarray:
-        """Mark the grains (N,) whose centres lie above the lower edge of the tube."""
+        """Mark the grains (N,) in the tube: those with centres above its lower edge."""
         heights = self.simulation.positions[:, 2]
         return self.simulation.present & (heights > self.lifted_m)
 
     def is_at_rest(self) -> bool:
-        """Return whether the grains on the plate and in the tube rest on average."""
+        """Return whether the grains rest on average, on the plate and in the tube."""
         energies = self.simulation.kinetic_energies()[self.simulation.present]
         return bool(energies.mean() <= self.simulation_settings.rest_energy_j)
 
@@ -302,27 +310,33 @@ def _move_tube(simulation: "dem.Simulation", speed_m_s: float) -> None:
 
 
 def _judge_filling(outcome: Lifting, section: LiftedCylinderSettings) -> Verdict | None:
-    """Judge the filling of the tube: the number of its grains and the level of the bed.
+    """Check the filling of the tube: the number of its grains, or the level of the bed.
+
+    The configuration gives one of the two. The other is `ABSENT` (None).
 
     Parameters
     ----------
     outcome : Lifting
-        The numbers of the run.
+        The measurements of the run.
     section : LiftedCylinderSettings
         The section `lifted_cylinder` of the configuration. It gives either the number
-        or the level.
+        (`berries`) or the level (`filling_height_mm`).
 
     Returns
     -------
     Verdict or None
-        The fault; None if the filling is as configured.
+        The status ``not_filled`` with its reason; None if the filling is as configured.
     """
+    # If the tube is too full, the factory adds fewer grains than configured.
     if section.berries is not ABSENT and outcome.n_filled < section.berries:
         return Verdict(
             "not_filled",
             f"only {outcome.n_filled} of {section.berries} grains found room in the tube",
         )
-    # If no filling height is configured, any level is right unless it is NaN.
+    # If no level is configured, the measured level counts as the wanted one. The level
+    # may be wrong by the length of a grain, because the bed cannot be more even than
+    # that. A level of NaN, which means that the filling was never finished, fails this
+    # check because every comparison with NaN is false.
     level_mm = outcome.filling_height_mm
     wanted_mm = section.filling_height_mm or level_mm
     if not abs(level_mm - wanted_mm) <= outcome.grain_mm:
@@ -334,31 +348,36 @@ def _judge_filling(outcome: Lifting, section: LiftedCylinderSettings) -> Verdict
 
 
 def _describe_final_state(trial: Trial, tube: _Tube) -> tuple[Lifting, np.ndarray]:
-    """Count the grains in the tube, on the plate and in the pile at the end of a run.
+    """Measure the end of a run: where the grains are, and whether they still move.
+
+    Grains lie in the tube, on the plate or off the plate. The pile is the largest group
+    of grains on the plate that touch each other.
 
     Parameters
     ----------
     trial : Trial
-        The trial.
+        The simulation of the run at its end.
     tube : _Tube
-        The tube of the trial at the end.
+        The tube of this simulation. Its position and filling are read.
 
     Returns
     -------
     outcome : Lifting
-        The numbers by which the run is judged.
+        The measurements by which the run is accepted or rejected.
     is_in_pile : array
         Mask (N,) of the grains in the pile.
     """
     simulation = trial.simulation
     is_in_tube = tube.mark_grains_inside()
     is_above_plate = simulation.present & (simulation.positions[:, 2] > 0.0)
+    # Grains in a tube that was lifted are above the plate, too.
     is_on_plate = is_above_plate & ~is_in_tube
     is_in_pile = largest_cluster(simulation.contacts(), is_on_plate)
     n_in_tube = int(is_in_tube.sum())
     n_on_plate = int(is_on_plate.sum())
 
-    # The mean energy is unknown if no grain lies on the plate.
+    # The outcome keeps the mean energy of a grain on the plate. It is unknown if there
+    # is none.
     mean_energy_j = math.nan
     if n_on_plate:
         mean_energy_j = float(simulation.kinetic_energies()[is_on_plate].mean())
@@ -428,20 +447,21 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the tube on its plate as arguments of `repose.dem.Simulation`.
 
-        All lengths are in m.
+        The keys are the names of the arguments. All lengths are in m.
 
         Parameters
         ----------
         scene : Scene
             The settings of the tube, and the particle.
         largest_radius_m : float
-            Bounding radius of the largest grain.
+            Radius of a ball that contains the largest grain in any orientation.
 
         Returns
         -------
         dict
-            Capacity in grains, walls by name, lower and upper corner of the box, and
-            the height below which a grain vanishes.
+            Largest number of grains (``capacity``), ``walls`` by name, ``lower`` and
+            ``upper`` corner of the box, and ``floor_height_m``, the height below which
+            a grain is removed.
         """
         section = self.section(scene.settings)
         radius = 1e-3 * (0.5 * section.diameter_mm)
@@ -450,18 +470,22 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         plate_radius = 1e-3 * (0.5 * section.plate_diameter_mm)
         up = (0.0, 0.0, 1.0)
         plate = dem.Plane((0.0, 0.0, 0.0), up, "wall", plate_radius)
-        # The wall of the tube begins above its rim. It is longer than configured, so
-        # that grains that appear at the upper end of the tube stay inside.
+        # The wall of the tube begins above its rim. It is longer than configured by the
+        # diameter of a grain, so that grains that appear at the upper end of the tube
+        # stay inside.
         wall_foot = (0.0, 0.0, rim_radius)
         wall_height = length + 2.0 * largest_radius_m
         tube = dem.Cylinder(wall_foot, up, wall_height, radius, "wall")
-        # The rim is rounded and touches the plate. In the half plane (r, z), the wall
-        # of the tube continues above the rim, and nothing continues below it.
+        # The rim is a rounded ring that touches the plate. The circle in its middle has
+        # the radius of the tube plus that of the rounding, and lies at the height of
+        # the rounding. In the half plane (r, z), the wall of the tube continues above
+        # the rim, and there is no wall below it, which a zero vector stands for.
         wall_above = (0.0, 1.0)
         no_wall = (0.0, 0.0)
         rim = dem.RingEdge(
             radius + rim_radius, rim_radius, "wall", (wall_above, no_wall), rim_radius
         )
+        # The box leaves room for grains at the edge of the plate and at the top.
         half_side = plate_radius + 2.0 * largest_radius_m
         return {
             "capacity": section.capacity(scene.particle),
@@ -499,15 +523,19 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         trial = Trial(self.build, scene, capacity, interval_s, progress)
         tube = _Tube(trial, section)
         length_m = 1e-3 * section.length_mm
-        # Grains appear at the upper end of the tube, where no new grain touches its
-        # wall.
+        # New grains appear in a disc (radius, height) at the upper end of the tube. It
+        # is narrower than the tube, so that no new grain touches the wall.
         area = Disc(
             0.5e-3 * section.diameter_mm - trial.largest_radius_m,
             length_m + trial.largest_radius_m,
         )
+        # The factory adds the grains, up to the capacity of the simulation.
         factory = Factory(area, capacity, section.rate_per_s)
 
-        # Grains that are stuck in the tube are lifted with it.
+        # A grain that is stuck in the tube is lifted with it, at most by the length of
+        # the tube. `guard` ends the block without an error as soon as the run exceeds a
+        # limit. `trial.broken` then holds the reason, and the code below describes the
+        # state at that moment.
         highest_m = area.height_m + length_m
         with trial.bound(highest_m, 1e-3 * section.lifting_mm_s).guard():
             tube.fill(factory)
@@ -528,7 +556,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         )
 
     def judge(self, outcome: Lifting, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured.
+        """Check a stable run before it is measured, and return its status.
 
         Parameters
         ----------
@@ -540,10 +568,11 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: a wrong filling, grains in the tube, too many
-            grains off the plate, motion, or no pile.
+            `OK`, or the status of the first check that fails: a wrong filling, grains
+            in the tube, too many grains off the plate, grains in motion, or no pile.
         """
         section = self.section(settings)
+        # `_judge_filling` and `not_at_rest` return None if the run passes their check.
         filling_verdict = _judge_filling(outcome, section)
         if filling_verdict is not None:
             return filling_verdict
@@ -554,6 +583,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 f"{outcome.n_in_tube} grains are still in the tube after it was lifted by "
                 "its own length",
             )
+        # `LARGEST_LOSS` and `SMALLEST_PILE` are fractions of the grains.
         if outcome.n_off_plate > LARGEST_LOSS * n_grains:
             return Verdict(
                 "left_plate",
@@ -577,7 +607,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the pile, and give the numbers the names of this bench test.
+        """Measure the pile, and name each number as a response of this bench test.
 
         Parameters
         ----------
@@ -589,23 +619,27 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Returns
         -------
         dict
-            The responses. A response that cannot be measured is None. If the response
-            is a target, there are also ``status`` and ``reason``.
+            The responses. A response that cannot be measured is None. If such a
+            response is a target, there are also ``status`` and ``reason``, which
+            replace those of the run.
         """
         from repose.measure.saved_piles import pile_responses
 
         plate_mm = self.section(scene.settings).plate_diameter_mm
-        # The foot and the loose grains are measured only on request.
+        # `pile_responses` measures the foot and the loose grains only if they are
+        # named.
         extra_names = (PILE_NAMES[FOOT.name], PILE_NAMES[LOOSE.name])
         pile_numbers, pile_reasons = pile_responses(
             arrays, scene.particle, scene.measure, plate_mm, extra_names
         )
         responses = {}
         reasons = {}
+        # `PILE_NAMES` has the name in the measurement of a pile for each response.
         for name, pile_name in PILE_NAMES.items():
             responses[name] = pile_numbers.get(pile_name)
             if pile_name in pile_reasons:
                 reasons[name] = pile_reasons[pile_name]
+        # The dict is empty unless a target cannot be measured.
         fault = self.check_targets(responses, scene.settings, reasons)
         return {**fault, **responses}
 
@@ -616,11 +650,12 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         return 2.0 * section.lift_from_s + lifting_s + section.settle_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a tube that is lifted too early or too wide for its plate."""
+        """Yield settings of a tube that is lifted too early or is too wide."""
         section = self.section(settings)
         if section.berries is not None:
             yield from too_early(section, NAME, "lift_from_s")
-        # On each side, the rounded rim adds twice its radius to the width of the tube.
+        # On each side, the rounded rim makes the tube wider by twice the radius of the
+        # rim.
         outer_mm = section.diameter_mm + 4 * section.rim_radius_mm
         if section.plate_diameter_mm <= outer_mm:
             yield (
@@ -631,19 +666,19 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of a tube that is too narrow or short, or needs too many grains.
+        """Yield settings of a tube that is too small for the grains, or needs too many.
 
         Parameters
         ----------
         settings : SceneSettings
             Sections of the configuration.
         axes_mm : sequence of float
-            Full axes of the mean grain, the longest first.
+            Full lengths of the mean grain along its three axes, the longest first.
 
         Yields
         ------
         tuple of str
-            A key of the configuration, and what is allowed.
+            A key of the configuration, and the values that are allowed for it.
         """
         section = self.section(settings)
         grain_length_mm = axes_mm[0]
@@ -651,7 +686,8 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         yield from find_narrow_openings(section, NAME, sizes_mm)
         level_mm = section.filling_height_mm
         if level_mm is ABSENT:
-            # The number of grains is configured, so their level does not matter.
+            # The number of grains is configured, so the level of the bed does not
+            # matter.
             return
 
         # A grain must still fit above the bed.
@@ -663,12 +699,15 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 "mean grain",
             )
 
-        # The filling must not need too many grains or too much time. Only the likely
-        # number of grains is known in advance.
+        # A configured level must not need too many grains or too much time. The number
+        # of grains is only estimated: they likely fill the fraction `LIKELY_PACKING` of
+        # a bed, and a grain is taken for the ellipsoid of its axes. If there are too
+        # many grains, the time is not checked, because the level has to change anyway.
         grain_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
         n_likely = LIKELY_PACKING * section.compute_gapless_count(grain_m3)
         last_grain_s = n_likely / section.rate_per_s
         if n_likely > MOST_BERRIES:
+            # The number of grains is proportional to the level.
             highest_mm = level_mm * MOST_BERRIES / n_likely
             yield (
                 "lifted_cylinder.filling_height_mm",

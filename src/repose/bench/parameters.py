@@ -45,7 +45,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class LawParameter(Parameter):
-    """A contact parameter of some force laws, in addition to the six of every study."""
+    """A contact parameter that only some force laws have."""
 
     constant: Constant  # constant of the engine that gets the value
     laws: tuple[str, ...]  # force laws that use it
@@ -80,7 +80,7 @@ def _make_law_parameter(
     laws : tuple of str
         Force laws that use the constant.
     needed : bool
-        Whether these laws require the parameter.
+        Whether these laws cannot work without the parameter.
     """
     unit = f" ({constant.unit})" if constant.unit else ""
     limits = (constant.least, constant.most)
@@ -98,12 +98,15 @@ def _make_law_parameter(
 
 
 def _make_law_parameters() -> list[LawParameter]:
-    """Make the parameters that force laws add to the six of every study.
+    """Make the parameters that only some force laws have.
 
-    Each constant of a contact law has a parameter for each pair of bodies. The
-    parameters of the twisting resistance, which no law requires, come last.
+    They are added to the six parameters that every study has (`PARAMETERS`). Each
+    constant of a force law has a parameter for each pair of bodies. The parameters of
+    the twisting resistance come last. Rolling laws use this constant if it is given,
+    but none needs it.
     """
-    # Several laws may use the same constant.
+    # `OF_LAWS` lists the constants of each law. Several laws may use the same constant,
+    # so collect the laws of each constant first.
     laws_by_constant: dict[Constant, list[str]] = {}
     for law, constants in OF_LAWS.items():
         for constant in constants:
@@ -114,6 +117,8 @@ def _make_law_parameters() -> list[LawParameter]:
             parameters.append(
                 _make_law_parameter(constant, pair, tuple(laws), needed=True)
             )
+    # `entry` returns the description of a law; iterating over the laws gives their
+    # names.
     twisting_laws = tuple(law for law in ROLLING_LAWS if ROLLING_LAWS.entry(law).twists)
     for pair in PAIRS:
         parameters.append(

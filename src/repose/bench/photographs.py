@@ -66,12 +66,12 @@ INNER_SHARE = 0.97
 # The drum is assumed to be empty higher above its axis than this fraction of its
 # radius.
 EMPTY_SHARE = 0.6
-# Share of a chamber's half width that is left out at a wall.
+# Fraction of a chamber's half width that is left out at a wall.
 MARGIN_SHARE = 0.02
-# Share of the height between the lower corners of a box and the upper border of the
+# Fraction of the height between the lower corners of a box and the upper border of the
 # photograph that is used. The rest leaves room for rounding.
 HEIGHT_SHARE = 0.99
-# Longest side of a redrawn picture.
+# Longest side of a picture that is cut out of a photograph.
 LONGEST_SIDE_PX = 1600
 # Smallest side of a drum or a chamber in the photograph.
 SMALLEST_SIDE_PX = 100
@@ -87,14 +87,14 @@ class PhotographResult:
     """Result of one photograph."""
 
     path: Path
-    views: list[np.ndarray]  # redrawn pictures with the measured lines, BGR
+    views: list[np.ndarray]  # pictures with the measured lines, BGR
     values: dict[str, float] = field(default_factory=dict)  # by response
     refused: str = ""  # why it could not be measured; empty if it was
     mask: np.ndarray | None = None  # of a bed in a drum, (H, W)
 
 
 class View(NamedTuple):
-    """A rectangle of a photograph, redrawn so that it is level, with its scale."""
+    """A level rectangle that was cut out of a photograph, with its scale."""
 
     image: np.ndarray  # (H, W, 3), BGR
     mm_per_pixel: float
@@ -109,8 +109,9 @@ def measure_all(
 ) -> list[PhotographResult]:
     """Measure photographs that were taken with one camera on a tripod.
 
-    The points of the apparatus are the same in all photographs. If a photograph cannot
-    be measured, its result has the reason instead of the responses.
+    The camera did not move, so the points that locate the apparatus are the same in all
+    photographs. If a photograph cannot be measured, its result has the reason instead
+    of the responses.
 
     Parameters
     ----------
@@ -150,15 +151,17 @@ def measure_all(
                 box = settings.section(DRAWDOWN, DrawdownSettings)
                 result = measure_box(image, image_points, box, pile_settings)
         except ValueError as error:
-            # For example, the pile has no flank, or the bed is too narrow.
+            # For example, the pile has no flank, or the bed is too narrow. The errors
+            # of the measurement are subclasses of ValueError.
             result = PhotographResult(path, [image], refused=str(error))
+        # The functions for a single photograph do not know its path.
         result.path = path
         results.append(result)
     return results
 
 
 def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
-    """Arrange the points of an apparatus in rows, and check them.
+    """Arrange the points that locate an apparatus in rows, and check them.
 
     Parameters
     ----------
@@ -175,7 +178,7 @@ def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
     Raises
     ------
     InputError
-        If these cannot be points of this apparatus.
+        If these points cannot belong to the apparatus.
     """
     rule = POINTS[bench]
     numbers = np.array(points_px, float)
@@ -213,7 +216,7 @@ def _smallest_distance(points: np.ndarray) -> float:
 def measure_drum(
     image: np.ndarray, rim_px: np.ndarray, section: Rotating
 ) -> PhotographResult:
-    """Measure the surface of the bed in a photograph of a drum.
+    """Measure the angle of the bed's surface in a photograph of a drum.
 
     Parameters
     ----------
@@ -222,16 +225,17 @@ def measure_drum(
     rim_px : array
         Columns and rows of three points (3, 2) of the drum's inner rim.
     section : Rotating
-        Dimensions of the drum.
+        The settings with the dimensions of the drum.
 
     Returns
     -------
     PhotographResult
-        The angle, and the redrawn picture with the surface drawn into it. The angle is
-        positive, whichever way the drum turns.
+        The angle, the mask of the bed, and a picture of the drum with the surface drawn
+        into it. The angle is positive, whichever way the drum turns.
     """
-    # Redraw the square around the rim. Rows are counted downwards, so the lower left
-    # corner of the square has a larger row than the centre.
+    # Cut out the square around the rim. Its lower left corner lies one radius to the
+    # left of the centre and one radius below it. Rows are counted downwards, so the
+    # corner has the larger row.
     centre_px, radius_px = _fit_circle(rim_px)
     view = _redraw_rectangle(
         image,
@@ -253,7 +257,8 @@ def measure_drum(
 
     surface = find_surface(mask)
     if surface.angle_deg < 0:
-        # The drum turns the other way, so mirror the picture.
+        # The drum turns the other way. Mirror the mask and the picture, and measure
+        # again.
         mask = mask[:, ::-1]
         picture = picture[:, ::-1]
         surface = find_surface(mask)
@@ -269,12 +274,15 @@ def measure_drum(
 def _draw_surface(
     picture: np.ndarray, surface: bed.Surface, radius_m: float, mm_per_pixel: float
 ) -> np.ndarray:
-    """Draw the edge of a bed and the line through it into the picture of the drum.
+    """Draw the edge of a bed and the line through it on the picture of the drum.
+
+    The drawing may change the given picture. Pass a copy if it is needed afterwards.
 
     Parameters
     ----------
     picture : array
-        The square picture (H, H, 3) of the drum, BGR.
+        The square picture (H, H, 3) of the drum, BGR. It is changed in place if its
+        memory is contiguous.
     surface : bed.Surface
         The surface, in coordinates (x, z) in m from the axis, with z upwards.
     radius_m : float
@@ -285,9 +293,9 @@ def _draw_surface(
     Returns
     -------
     array
-        The picture with the drawing. It may be the given picture, which is then
-        changed.
+        The picture with the drawing.
     """
+    # OpenCV draws only into contiguous arrays. A mirrored picture is copied here.
     canvas = np.ascontiguousarray(picture)
     thickness_px = max(1, len(canvas) // PIXELS_PER_THICKNESS)
     # Pixels are counted rightwards and downwards from the upper left corner, so the
@@ -326,7 +334,7 @@ def _find_bed(picture: np.ndarray) -> np.ndarray:
     """Mark the bed in a square picture of the drum.
 
     The upper part of the drum is empty and shows the background. The bed is the largest
-    connected region with other colours.
+    connected region whose colour differs from the background.
 
     Parameters
     ----------
@@ -346,14 +354,16 @@ def _find_bed(picture: np.ndarray) -> np.ndarray:
     # y grows downwards, so it is negative in the upper part.
     is_empty = is_inside & (y < -EMPTY_SHARE)
 
+    # Remove noise: first single wrong pixels by a median, then finer noise by a blur.
     smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
     colours = smooth.astype(np.float32).reshape(size, size, -1)
     background = np.median(colours[is_empty], axis=0)
     contrast = np.linalg.norm(colours - background, axis=-1)
-    # A threshold of the contrast divides the pixels of the drum into background and
-    # bed.
+    # Otsu's threshold of the contrast divides the pixels of the drum into background
+    # and bed. `threshold` needs a picture, so the pixels are passed as a single column.
     bed_contrast, _ = threshold(contrast[is_inside][:, np.newaxis])
     is_bed = (contrast > bed_contrast) & is_inside
+    # True selects the largest region only.
     return pile_component(is_bed.astype(np.uint8), True)
 
 
@@ -368,7 +378,7 @@ class _BoxPhotograph:
     """
 
     def __init__(self, image: np.ndarray, corners_px: np.ndarray, box: Box) -> None:
-        """Find the direction and the scale of the box in a photograph.
+        """Store a photograph, and find the direction and the scale of its box.
 
         Parameters
         ----------
@@ -382,32 +392,42 @@ class _BoxPhotograph:
         self.image = image
         self.left_corner_px, right_corner_px = corners_px
         self.half_width_m = box.half_lower_width  # of the lower chamber
-        # The line between the corners is the base of the lower chamber. It gives the
-        # direction and the scale of the box.
+        # The line between the corners is the base of the lower chamber, which is twice
+        # `half_width_m` long. It gives the direction and the scale of the box.
         base_px = right_corner_px - self.left_corner_px
         width_px = np.hypot(*base_px)
         self.base_direction = base_px / width_px
         self.mm_per_pixel = 2e3 * self.half_width_m / width_px
-        # Compute how far the photograph extends above the lower corners. Above the
-        # corner that is higher in the photograph, this is less.
+        # Compute how far above the lower corners the photograph extends. If the box is
+        # tilted in the photograph, less of it is visible above the corner in the
+        # smaller row. A height of 1 m covers `rows_per_m` rows: 1 m in pixels, times
+        # the cosine of the tilt. The factor `HEIGHT_SHARE` leaves room for rounding.
         upper_corner_row = min(self.left_corner_px[1], right_corner_px[1])
         rows_per_m = self.base_direction[0] * width_px / (2 * self.half_width_m)
         self.top_m = HEIGHT_SHARE * upper_corner_row / rows_per_m
 
     def redraw_part(self, x_m: tuple[float, float], z_m: tuple[float, float]) -> View:
-        """Redraw a rectangular part of the box.
+        """Cut out a rectangular part of the box, and turn it so that it is level.
+
+        Lengths are given in m as coordinates x and z of the box, see the class.
 
         Parameters
         ----------
         x_m : tuple of float
-            Left and right end of the part.
+            Left and right end of the part, measured from the middle of the box.
         z_m : tuple of float
-            Lower and upper end of the part.
+            Lower and upper end of the part, measured from the lower floor.
+
+        Returns
+        -------
+        View
+            The picture of the part, with its scale.
         """
         left_m, right_m = x_m
         lower_m, upper_m = z_m
-        # Go from the lower left corner of the box to that of the part. Rows are counted
-        # downwards.
+        # Go from the lower left corner of the box to that of the part. The corner of
+        # the box has the coordinates x = -half_width_m and z = 0. Rows are counted
+        # downwards, so `up` has a negative component along the rows.
         along = self.base_direction
         up = np.array([along[1], -along[0]])
         distance_along_px = (left_m + self.half_width_m) * 1e3 / self.mm_per_pixel
@@ -433,7 +453,10 @@ def measure_box(
     section: DrawdownSettings,
     pile_settings: MeasureSettings,
 ) -> PhotographResult:
-    """Measure both slopes in a photograph of a drawdown box.
+    """Measure the slopes in both chambers of a drawdown box in a photograph.
+
+    The grains that stayed in the upper chamber form two wedges beside the slot. Those
+    in the lower chamber form a pile.
 
     Parameters
     ----------
@@ -458,18 +481,21 @@ def measure_box(
     """
     box = Box.of(section)
     photograph = _BoxPhotograph(image, corners_px, box)
+    # Leave out a strip at each side wall.
     half_width_m = box.half_lower_width * (1 - MARGIN_SHARE)
     below = photograph.redraw_part(
         (-half_width_m, half_width_m), (0.0, box.gate_height)
     )
     above = _join_wedges(photograph, box)
 
-    # There may be a gap between the two wedges, so all regions belong to the pile, not
-    # only the largest one.
+    # There may be a gap between the two wedges. So the upper chamber is measured with
+    # all its regions, not only with the largest one. For the lower chamber, only the
+    # scale differs from the given settings.
     wedge_settings = pile_settings.model_copy(
         update={"mm_per_pixel": above.mm_per_pixel, "largest_pile_only": False}
     )
     below_settings = pile_settings.with_scale(below.mm_per_pixel)
+    # `RESPONSES` lists the upper chamber first.
     above_name, below_name = RESPONSES[DRAWDOWN]
     result = PhotographResult(path=Path(), views=[])  # `measure_all` sets the path
     for name, view_image, settings in (
@@ -486,7 +512,7 @@ def measure_box(
 
 
 def _measure_slope(view_image: np.ndarray, settings: MeasureSettings) -> Measurement:
-    """Measure the slope of the pile in a redrawn part of the box.
+    """Measure the slope of the pile in the picture of a part of the box.
 
     Parameters
     ----------
@@ -508,9 +534,11 @@ def _measure_slope(view_image: np.ndarray, settings: MeasureSettings) -> Measure
 
 
 def _join_wedges(photograph: _BoxPhotograph, box: Box) -> View:
-    """Redraw the two wedges in the upper chamber, and put them back to back.
+    """Cut the two wedges out of the upper chamber, and put them back to back.
 
-    Together they have the shape of a pile, see `drawdown.move_wedges_back_to_back`.
+    The wedges are highest at the side walls. With the right half of the chamber on the
+    left, both side walls meet in the middle, and the wedges look like a pile (see
+    `drawdown.move_wedges_back_to_back`).
 
     Parameters
     ----------
@@ -522,10 +550,11 @@ def _join_wedges(photograph: _BoxPhotograph, box: Box) -> View:
     Returns
     -------
     View
-        The right half of the chamber, and to the right of it the left half.
+        The picture: first the right half of the chamber, then the left half.
     """
     # The photograph need not show the whole upper chamber.
     heights_m = (box.floor_height, min(box.top_height, photograph.top_m))
+    # The sizes of a `Box` are in m. Leave out a strip at each side wall.
     half_width_m = box.half_width * (1 - MARGIN_SHARE)
     left = photograph.redraw_part((-half_width_m, 0.0), heights_m)
     right = photograph.redraw_part((0.0, half_width_m), heights_m)
@@ -542,9 +571,10 @@ def _redraw_rectangle(
     size_px: tuple[float, float],
     mm_per_pixel: float,
 ) -> View:
-    """Redraw a rectangle of a photograph so that its base is level.
+    """Cut a rectangle out of a photograph, and turn it so that its base is level.
 
-    The sides of the new picture have at most `LONGEST_SIDE_PX` pixels.
+    The sides of the new picture have at most `LONGEST_SIDE_PX` pixels. A larger
+    rectangle is reduced in size.
 
     Parameters
     ----------
@@ -553,7 +583,7 @@ def _redraw_rectangle(
     corner_px : array
         Column and row of the lower left corner of the rectangle.
     along : array
-        Unit vector (2,) along the base of the rectangle.
+        Unit vector (2,) along the base of the rectangle, from left to right.
     size_px : tuple of float
         Width and height of the rectangle.
     mm_per_pixel : float
@@ -567,7 +597,8 @@ def _redraw_rectangle(
     Raises
     ------
     NoFlankError
-        If the rectangle is too small, or extends beyond the photograph.
+        If the rectangle is too small, or extends beyond the photograph. This error
+        means that the photograph cannot be measured.
     """
     if min(size_px) < SMALLEST_SIDE_PX:
         raise NoFlankError(
@@ -577,9 +608,11 @@ def _redraw_rectangle(
     scale = min(1.0, LONGEST_SIDE_PX / max(size_px))
     width, height = (round(scale * length) for length in size_px)
 
-    # The affine map converts (column, row, 1) of a pixel in the view to the position of
-    # its middle in the photograph. The first pixel of the view is the upper left one. A
-    # step is the size of a pixel in the view, measured in pixels of the photograph.
+    # The affine map (2, 3) converts (column, row, 1) of a pixel in the new picture to
+    # the position of its middle in the photograph. Its first two columns are the steps
+    # from one pixel to the next, measured in pixels of the photograph; the rows of the
+    # new picture go down. Its third column is the middle of the first pixel, the upper
+    # left one. It lies half a step inside the rectangle.
     up = np.array([along[1], -along[0]])
     step_x, step_y = np.array(size_px) / (width, height)
     first_pixel = corner_px + 0.5 * step_x * along + (size_px[1] - 0.5 * step_y) * up
@@ -635,14 +668,15 @@ def make_tables(results: Sequence[PhotographResult], bench: str) -> Tables:
     Parameters
     ----------
     results : sequence of PhotographResult
-        The results. At least one photograph was not refused.
+        The results. At least one photograph could be measured.
     bench : str
         The bench test: ``turning`` or ``drawdown``.
 
     Returns
     -------
     Tables
-        Both tables. The row of a refused photograph has the reason and no response.
+        Both tables. The row of a photograph that could not be measured has the reason
+        and no response.
     """
     response_names = RESPONSES[bench]
     rows = []
@@ -659,7 +693,7 @@ def make_tables(results: Sequence[PhotographResult], bench: str) -> Tables:
 def describe_results(
     results: Sequence[PhotographResult], tables: Tables, out: Path
 ) -> str:
-    """Write the summary that the command prints.
+    """Make the text that the command prints about its photographs.
 
     Parameters
     ----------
@@ -669,6 +703,11 @@ def describe_results(
         The tables of these results, see `make_tables`.
     out : Path
         The folder that holds the files of the results.
+
+    Returns
+    -------
+    str
+        A line for each photograph, a summary of each response, and where the files are.
     """
     lines = [f"{result.path.name}  {_describe_result(result)}" for result in results]
     lines.append("mean, standard deviation, number of photographs:")
@@ -683,7 +722,7 @@ def describe_results(
 
 
 def _describe_result(result: PhotographResult) -> str:
-    """Write the responses of a photograph, or the reason why it was refused."""
+    """Return the responses of a photograph, or why it could not be measured."""
     if result.refused:
         return f"refused: {result.refused}"
     return ", ".join(f"{name} {value:.2f}" for name, value in result.values.items())
@@ -694,15 +733,15 @@ def find_median_profile(
 ) -> pd.DataFrame:
     """Find the median surface of the bed in photographs of a drum.
 
-    Points below this surface are covered by the bed in at least half of the
-    photographs.
+    In at least half of the photographs, the bed covers the points below this surface.
 
     Parameters
     ----------
     results : sequence of PhotographResult
-        The results. At least one photograph was not refused.
+        The results. At least one photograph could be measured. Each mask is a square
+        that the rim of the drum touches, as `measure_drum` makes it.
     section : Rotating
-        Dimensions of the drum.
+        The settings with the dimensions of the drum.
 
     Returns
     -------
@@ -715,7 +754,8 @@ def find_median_profile(
         for result in results
         if result.mask is not None and not result.refused
     ]
-    # Resize all masks to the size of the first mask.
+    # The photographs may differ in size, so resize all masks to the first one. Its
+    # width is the diameter of the drum.
     radius_m = Drum.of(section).radius_m
     mm_per_pixel = 2e3 * radius_m / len(masks[0])
     height_px, width_px = masks[0].shape
@@ -727,6 +767,7 @@ def find_median_profile(
     # it.
     covered_share = np.mean(resized_masks, axis=0)
     x_m = PROFILE_POSITIONS * radius_m
+    # At the median surface, the bed covers a point in half of the photographs.
     z_m = bed.surface_heights(covered_share, 0.5, x_m, radius_m, mm_per_pixel)
     return pd.DataFrame({"x_mm": 1e3 * x_m, "z_mm": 1e3 * z_m}).round(3)
 

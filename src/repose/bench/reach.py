@@ -1,4 +1,9 @@
-"""Estimate whether a study's piles can reach the angle and Height of its targets."""
+"""Estimate whether a study's piles can reach the angle and Height of its targets.
+
+The Height, with a capital letter, is the response `height_mm`: the height of the pile
+above the plate. The "line" is the line along the side of a pile that gives its angle of
+repose. Its definition and the keys of `LINE_KEYS` determine which points it follows.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -56,7 +61,7 @@ LINE_KEYS: dict[str, tuple[str, ...]] = {
 
 
 class Band(NamedTuple):
-    """Statistics of the angles of real piles of one Height [deg]."""
+    """Statistics of the angles [deg] that real piles of one Height have."""
 
     mean: float
     sd: float
@@ -66,7 +71,7 @@ class Band(NamedTuple):
 
 @dataclass(frozen=True)
 class Reach:
-    """An estimate of whether piles of the grains can reach a target's angle and Height.
+    """An estimate of whether piles of the grains can have a target's angle and Height.
 
     Attributes
     ----------
@@ -75,12 +80,12 @@ class Reach:
     pile : Pile
         The piles of the grains.
     line : str
-        Description of the line by which the angle is measured.
+        Description of the line along the side of the pile that gives the angle.
     bound_deg : float or None
         Estimate of the steepest angle that the mass allows; None for a line that may
         leave out the toe of the pile.
     band : Band
-        Angles of real piles.
+        Statistics of the angles of real piles with this Height.
     """
 
     target: Target
@@ -99,14 +104,18 @@ class Reach:
 
     @property
     def possible(self) -> bool:
-        """Whether the target is within the bound and near the angles of real piles."""
+        """Whether the target can be reached: within the bound, and near real piles."""
         sd = math.hypot(self.band.sd, self.target.standard_error)
         deviation = (self.target.value - self.band.mean) / sd
         return not self.exceeds_bound and abs(deviation) <= LARGEST_DEVIATION
 
     @property
     def sentence(self) -> str:
-        """The result in one sentence, or up to three if the target is out of reach."""
+        """The result as text for the user.
+
+        It is a single sentence if the target can be reached. Otherwise up to two
+        further sentences give the reason and say what to check.
+        """
         band = self.band
         state = "attainable" if self.possible else "out of reach"
         text = (
@@ -116,6 +125,7 @@ class Reach:
             f"({band.source})."
         )
         if self.exceeds_bound:
+            # Convert m3 to mm3.
             grain_mm3 = 1e9 * self.pile.particle.volume_m3
             text += (
                 f" By estimate, the mass of {self.pile.n_grains} grains of "
@@ -143,7 +153,7 @@ class Reach:
 
 @dataclass(frozen=True)
 class Pile:
-    """A poured pile of a study, as high as the target."""
+    """A poured pile of a study that is as high as the target of its Height."""
 
     n_grains: int
     particle: "Particle"
@@ -161,7 +171,7 @@ def assess_targets(
     particle: "Particle",
     dataset_csv: str | PathLike | None = None,
 ) -> dict[str, Reach]:
-    """Assess each target that is an angle of the pile below the funnel.
+    """Estimate for each target angle of the poured pile whether it can be reached.
 
     Parameters
     ----------
@@ -170,13 +180,15 @@ def assess_targets(
     particle : Particle
         The mean grain.
     dataset_csv : path, optional
-        File with the samples of the study itself, which have the same settings.
+        File with the samples of the study itself, which were measured with the same
+        settings.
 
     Returns
     -------
     dict
-        The assessments, by the name of the response. The dict is empty if the Height is
-        not a target.
+        The estimates, by the name of the response. The dict is empty if the Height is
+        not a target, because the estimate needs the Height and the angle of the same
+        piles.
     """
     settings = SceneSettings(config)
     targets = {
@@ -186,7 +198,9 @@ def assess_targets(
         return {}
     pile = _make_pile(settings, particle, height_mm=targets["height_mm"].value)
 
-    # Find the definition of each response that is an angle.
+    # Find the definition of each response that is an angle. `aor_deg` has the
+    # definition that the configuration chooses. `MEAN_KEYS` has the response of every
+    # definition; here the definition of every response is needed.
     definitions = {"aor_deg": pile.measure.response}
     for definition, name in MEAN_KEYS.items():
         definitions[name] = definition
@@ -245,7 +259,7 @@ def assess(
     target : Target
         The target.
     definition : str
-        Definition of the angle.
+        Definition of the angle, such as "flank".
     pile : Pile
         The study's pile.
     dataset_csv : path, optional
@@ -279,7 +293,7 @@ def compute_cone_slope(height_mm: float, volume_m3: float) -> float:
 def compute_steepest_angle(
     definition: str, height_mm: float, grains_m3: float
 ) -> float | None:
-    """Estimate the steepest angle of a pile from its Height and the volume of its grains.
+    """Estimate the steepest angle of a pile from its Height and its volume of grains.
 
     If the slope of the side decreases outwards, a regression line from foot to crest is
     no steeper than the cone of the same Height and volume. This holds if the points of
@@ -331,24 +345,25 @@ def convert_to_height(
 
 
 def look_up_band(definition: str, pile: Pile) -> Band:
-    """Look up the angles of piles in the table, and convert them to a study's pile.
+    """Estimate the angles of a study's piles from the table of measured piles.
 
-    The table contains the slope of the measured line divided by that of the cone with
-    the Height and volume of the pile. Its piles have `TABLE_N_GRAINS` grains, so the
-    angles are converted to the number of grains in the study.
+    The table contains slope ratios: the slope of the measured line divided by that of
+    the cone with the Height and volume of the pile. Its piles consist of
+    `TABLE_N_GRAINS` goji berries. So the ratios are converted to angles for the number
+    of grains in the study and the Height of its target.
 
     Parameters
     ----------
     definition : str
-        Definition of the angle.
+        Definition of the angle, such as "flank".
     pile : Pile
-        The study's pile: number and size of its grains, and its Height.
+        The study's pile: number and size of its grains, and the Height of the target.
 
     Returns
     -------
     Band
-        Mean, standard deviation and largest of the angles, with a description of their
-        source.
+        Mean, standard deviation and largest of the angles, with a description of the
+        piles from which they come.
     """
     # `_make_pile` sets the height of a grain.
     assert pile.measure.berry_height_mm is not None
@@ -357,12 +372,15 @@ def look_up_band(definition: str, pile: Pile) -> Band:
     mean_deg = _convert_ratio_to_angle(row["mean"], definition, pile)
     low_deg = _convert_ratio_to_angle(row["mean"] - row["sd"], definition, pile)
     high_deg = _convert_ratio_to_angle(row["mean"] + row["sd"], definition, pile)
+    # Half of the difference is the standard deviation of the angle.
     sd_deg = (high_deg - low_deg) / 2
 
-    # The angles are less certain for grains of another shape.
+    # The angles are less certain for grains of another shape. `OTHER_GRAIN_DEG` is the
+    # standard deviation between such grains.
     has_table_shape = _has_shape_of_table(pile.particle)
     grain_sd_deg = 0.0 if has_table_shape else OTHER_GRAIN_DEG
 
+    # Describe the piles of the table, and how they differ from those of the study.
     source = [f"{row['samples']} samples of the goji berry"]
     if not has_table_shape:
         source.append("not of this grain")
@@ -415,9 +433,10 @@ def _has_shape_of_table(particle: "Particle") -> bool:
 def compute_band_of_samples(
     dataset_csv: str | PathLike, response: str, height_mm: float
 ) -> Band | None:
-    """Compute the angles that the piles of a study's samples would have at a Height.
+    """Compute statistics of the angles that a study's own piles would have at a Height.
 
-    Each pile keeps its volume, see `convert_to_height`.
+    The piles of its samples have different Heights. Each angle is converted to the
+    given Height, while the pile keeps its volume (`convert_to_height`).
 
     Parameters
     ----------
@@ -426,15 +445,16 @@ def compute_band_of_samples(
     response : str
         Column of the angle.
     height_mm : float
-        The Height.
+        The Height: height of the pile above the plate.
 
     Returns
     -------
     Band or None
-        The angles; None if there are fewer than `FEWEST_SAMPLES` samples, or if the
-        table cannot be read.
+        Mean, standard deviation and largest of the converted angles. None if there are
+        fewer than `FEWEST_SAMPLES` samples, or if the table cannot be read.
     """
-    # The stage that needs the table reports a damaged one.
+    # A missing or damaged table is no error here. The stage that needs this table will
+    # report it.
     try:
         table = read_table(dataset_csv, ("status", response, "height_mm"))
     except InputError:
@@ -454,25 +474,34 @@ def compute_band_of_samples(
 def find_nearest_row(
     measure: MeasureSettings, definition: str, grain_share: float
 ) -> tuple["pd.Series", bool]:
-    """Find the row of the table whose line has the settings nearest to the given ones.
+    """Find the row of the table whose angle is measured in the most similar way.
+
+    An angle is the slope of a line along the side of the pile. A row of the table
+    line_slopes.csv belongs to a line with certain settings (`LINE_KEYS`), such as the
+    fractions of the Height between which the line is fitted. The nearest row is the one
+    whose settings differ least from the given ones.
 
     Parameters
     ----------
     measure : MeasureSettings
-        Settings of the line.
+        Settings of the line, as attributes with the names of the columns.
     definition : str
-        Definition of the angle. Only rows with this definition are considered.
+        Definition of the angle, such as "flank". Only rows with this definition are
+        considered.
     grain_share : float
-        Height of a grain over the Height of the pile.
+        Height of a grain as a fraction of the Height of the pile.
 
     Returns
     -------
     row : Series
-        The row.
+        The row, with statistics of the slope of its line (``mean``, ``sd``,
+        ``largest``).
     is_exact : bool
-        Whether the line of this row has the same settings, within `LINE_TOLERANCE`.
+        Whether this line has the same settings as the given one, within
+        `LINE_TOLERANCE`.
     """
-    # A setting may be the word "berry", which stands for the height of one grain.
+    # Numbers among the settings are fractions. The word "berry" stands for the height
+    # of one grain, so convert it to a fraction of the Height.
     line_settings = {}
     for key in LINE_KEYS[definition]:
         value = getattr(measure, key)
@@ -482,7 +511,9 @@ def find_nearest_row(
     rows = table[table["definition"] == definition].reset_index(drop=True)
 
     # The distance of a row is the sum of the differences between its settings and those
-    # of the line. Different rules for the flank count as a difference of 1.
+    # of the line. Numbers are fractions of the Height or of the points of a side, so
+    # they can be added. The setting `flank` is the name of a rule. Another rule counts
+    # as a difference of 1, which is as large as a difference of fractions can be.
     distances = np.zeros(len(rows))
     for key, value in line_settings.items():
         if key == "flank":

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Scene:
-    """All that a run of a bench test depends on.
+    """Everything that a run of a bench test depends on.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class Scene:
     grain : mapping
         Measurements of the mean grain, as in berry.json.
     particle : Particle
-        Body of the mean grain.
+        Body that represents the mean grain.
     seed : int
         Seed of the run's random numbers.
     """
@@ -123,7 +123,7 @@ def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simu
 
 
 def longest_time_step(scene: Scene) -> "time_steps.Limit":
-    """Compute the longest time step that is stable for the smallest grain of a scene.
+    """Compute the longest time step that is stable for the smallest grain of a run.
 
     The limit comes from the stiffest contact of two grains, or of a grain and the wall.
 
@@ -135,7 +135,7 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
     Returns
     -------
     time_steps.Limit
-        The time step, with a description of what limits it.
+        The time step [s], with a description of what limits it.
     """
     from repose.dem import time_steps
     from repose.dem.contact_table import index_contacts
@@ -143,6 +143,8 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
     from repose.grain import size_distribution
 
     # The limit depends on all materials and contacts of the simulation.
+    # `time_steps.Scene` collects them for the engine; it is another class than `Scene`
+    # here. The names "berry" and "wall" are those of `materials_of`.
     materials = materials_of(scene)
     contact_scene = time_steps.Scene(
         law=CONTACT_LAWS[scene.simulation.contact_law],

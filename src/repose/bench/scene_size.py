@@ -1,4 +1,9 @@
-"""Find how many grains a poured pile needs, since its angle and Height depend on it."""
+"""Find how many grains a poured pile needs.
+
+Angle and Height of a pile depend on the number of its grains. The Height, with a capital
+letter, is the response `height_mm`: the height of the pile above the plate. The table
+number_of_grains.csv has both for piles of several crops and numbers of grains.
+"""
 
 import functools
 from collections.abc import Iterator, Mapping
@@ -45,21 +50,21 @@ RIM_SHARE = 0.24
 TIME_EXPONENT = 7 / 6
 # Largest difference of two angles that are called close.
 ANGLE_TOLERANCE_DEG = 1.0
-# The angle that depends least on the number of grains.
+# Definition of the angle that depends least on the number of grains.
 STEADIEST_ANGLE = "secant"
 # Definitions of the angle that the table lacks, with the most similar one that it has.
 TABULATED = {"straightest": "flank"}
-# A smaller scene is proposed from this number of grains on.
+# A smaller scene is proposed if a scene has at least this number of grains.
 LARGE_SCENE = 1000
 
 Config = Mapping[str, Any]
 
 
 class Change(NamedTuple):
-    """Effect of another number of grains on a pile, averaged over the table's crops."""
+    """Effect of another number of grains on a pile, averaged over the crops."""
 
     angle_deg: float  # difference of the angles
-    height: float  # ratio of the Heights, in addition to that of the lengths
+    height: float  # ratio of the Heights, each divided by the scale of the lengths
 
 
 @functools.cache
@@ -81,30 +86,34 @@ def list_tabulated_numbers() -> list[int]:
 
 
 def interpolate_change(n_before: float, n_after: float, definition: str) -> Change:
-    """Interpolate the change of angle and Height with the number of grains.
+    """Interpolate how angle and Height change with the number of grains.
 
-    The table of poured piles is interpolated linearly in the logarithm of the number.
-    The changes are averaged over the crops in the table. A number outside the table is
-    replaced by the nearest one inside.
+    The table of poured piles is interpolated linearly in the logarithm of the number of
+    grains. The changes are averaged over the crops in the table. A number outside the
+    table is replaced by the nearest one inside.
+
+    The funnel of the table grows with the number of grains: its lengths are
+    proportional to the cube root of the number. The Heights in the table are divided by
+    the same factor. So their ratio tells how the Height changes beyond this scaling.
 
     Parameters
     ----------
     n_before, n_after : float
         The two numbers of grains.
     definition : str
-        Definition of the angle, which must be in the table.
+        Definition of the angle, such as "flank", which must be in the table.
 
     Returns
     -------
     Change
-        The difference of the angles, and the ratio of the Heights in addition to that
-        of the lengths of the funnel.
+        The difference of the angles, and the ratio of the scaled Heights.
     """
     log_before = np.log(n_before)
     log_after = np.log(n_after)
     angle_changes = []
     height_ratios = []
     for _, crop_piles in _read_piles().groupby("label"):
+        # `np.interp` needs ascending numbers, which the table has for each crop.
         log_numbers = np.log(crop_piles["grains"])
         angles = crop_piles[f"aor_{definition}_deg"]
         angle_before = np.interp(log_before, log_numbers, angles)
@@ -124,20 +133,21 @@ def scale_funnel(
 ) -> dict[str, Any]:
     """Scale the section `funnel` to another number of grains of the same size.
 
-    All lengths are multiplied by the cube root of the ratio of the numbers. However,
-    the outlet does not become narrower than `OUTLET_GRAINS` diameters of a grain.
+    All lengths are multiplied by the cube root of the ratio of the numbers, so that the
+    volume of the funnel stays proportional to that of the grains. However, the outlet
+    does not become narrower than `OUTLET_GRAINS` diameters of a grain.
 
     Parameters
     ----------
     funnel : FunnelSettings
         The section.
     grains : int
-        The other number of grains.
+        The new number of grains.
     diameter_mm : float
         Diameter of a grain.
     poured : int, optional
-        Number of grains for which the lengths of the section are meant; by default the
-        `berries` of the section.
+        Number of grains for which the lengths of the section are meant. By default, or
+        if it is 0, it is the number in the section (`berries`).
 
     Returns
     -------
@@ -148,12 +158,14 @@ def scale_funnel(
     scale = (grains / n_poured) ** (1 / 3)
     inlet_mm = funnel.inlet_diameter_mm
     outlet_mm = funnel.outlet_diameter_mm
-    # An outlet that is already narrow keeps its width.
+    # The outlet must be known before the inlet, and both before the rim. An outlet that
+    # is already narrow keeps its width.
     narrowest_outlet_mm = min(outlet_mm, OUTLET_GRAINS * diameter_mm)
     new_outlet_mm = max(scale * outlet_mm, narrowest_outlet_mm)
     # The inlet does not become narrower than two outlets, unless it already is.
     narrowest_inlet_mm = min(inlet_mm, 2 * new_outlet_mm)
     new_inlet_mm = max(scale * inlet_mm, narrowest_inlet_mm)
+    # The rounded rims of inlet and outlet must leave room for the cone.
     largest_rim_mm = RIM_SHARE * (new_inlet_mm - new_outlet_mm)
 
     section = funnel.model_dump()
@@ -163,12 +175,13 @@ def scale_funnel(
     section["outlet_diameter_mm"] = new_outlet_mm
     section["berries"] = grains
     section["rim_radius_mm"] = min(funnel.rim_radius_mm, largest_rim_mm)
+    # Grains are added as quickly as the scaled outlet lets them flow.
     section["rate_per_s"] = funnel.rate_per_s * scale**FLOW_EXPONENT
     return section | dict.fromkeys(COMPUTED_KEYS, AUTO)
 
 
 def find_fewest_grains(n_grains: int, definition: str) -> int | None:
-    """Find the smallest number of grains in the table with nearly the same angle.
+    """Find the smallest number of grains in the table that gives nearly the same angle.
 
     The angles of this number and of all larger ones differ by at most
     `ANGLE_TOLERANCE_DEG` from the angle of the given number.
@@ -208,34 +221,38 @@ class SmallerScene:
     n_grains: int  # of the larger scene
     n_fewer: int  # of the smaller scene
     angle_change_deg: float | None  # None if it is unknown
-    height_share: float  # Height over that of the larger scene
+    height_share: float  # ratio of the Height to that of the larger scene
 
     @property
     def time_share(self) -> float:
-        """Time of a pour over that of the larger scene."""
+        """Ratio of the time of a pour to that of the larger scene."""
         return (self.n_fewer / self.n_grains) ** TIME_EXPONENT
 
 
 def find_smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
-    """Find the smallest scene with nearly the angle of a larger scene.
+    """Find the smallest scene whose angle is nearly that of a larger scene.
+
+    The angles come from the table of poured piles. A larger scene that has more grains
+    than any pile in the table is compared as if it had the largest number there. That
+    number is proposed if no smaller one is enough.
 
     Parameters
     ----------
     n_grains : int
         Number of grains of the larger scene.
     definition : str
-        Definition of the angle, which must be in the table.
+        Definition of the angle, such as "flank", which must be in the table.
 
     Returns
     -------
     SmallerScene or None
-        The smaller scene. If no smaller number in the table has nearly that angle, the
-        result is None, or a scene with the largest number in the table if the larger
-        scene has even more grains.
+        The smaller scene; None if no number in the table is enough.
     """
     largest_tabulated = max(list_tabulated_numbers())
     n_enough = find_fewest_grains(min(n_grains, largest_tabulated), definition)
     if n_enough is not None:
+        # The lengths scale with the cube root of the number of grains. The Height also
+        # changes by the factor `effect.height`.
         effect = interpolate_change(n_grains, n_enough, definition)
         return SmallerScene(
             n_grains=n_grains,
@@ -245,7 +262,8 @@ def find_smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
         )
     if n_grains <= largest_tabulated:
         return None
-    # The table does not reach the larger scene, so the change of the angle is unknown.
+    # The larger scene has more grains than the table, so the change of the angle is
+    # unknown. The Height changes as above.
     effect = interpolate_change(n_grains, largest_tabulated, definition)
     return SmallerScene(
         n_grains=n_grains,
@@ -258,19 +276,19 @@ def find_smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
 def advise(
     config: Config, diameter_mm: float, height_mm: float, poured: int | None = None
 ) -> Iterator[str]:
-    """Yield advice on the number of grains in a pour.
+    """Yield advice on how many grains to pour.
 
-    For a large scene, the advice proposes a smaller one as keys of a configuration.
+    For a large scene, the advice proposes a smaller one as lines for the configuration.
 
     Parameters
     ----------
     config : mapping
         The configuration.
     diameter_mm, height_mm : float
-        Diameter of a grain, and Height of the pile.
+        Diameter of a grain, and Height of the pile: its height above the plate.
     poured : int, optional
-        Number of grains that were poured for the targets; by default the configured
-        number.
+        Number of grains that were poured when the targets were measured. By default it
+        is the configured number (`berries`).
 
     Yields
     ------
@@ -279,7 +297,10 @@ def advise(
     """
     settings = SceneSettings(config)
     funnel = settings.section(NAME, FunnelSettings)
+    # The definition of the angle does not depend on the grain, so the measurements of
+    # the grain may be empty here.
     response = settings.measure_of({}).response
+    # A definition that the table lacks is replaced by a similar one.
     definition = TABULATED.get(response, response)
     n_grains = poured or funnel.berries
 
@@ -296,7 +317,10 @@ def advise(
 def _propose_smaller_scene(
     settings: SceneSettings, n_grains: int, definition: str, diameter_mm: float
 ) -> Iterator[str]:
-    """Yield sentences about a smaller scene, and its keys as lines of YAML.
+    """Yield a sentence about a smaller scene, and its settings as lines of YAML.
+
+    The smaller scene has fewer grains and nearly the same angle. The lines can be
+    pasted into the configuration.
 
     Parameters
     ----------
@@ -305,14 +329,16 @@ def _propose_smaller_scene(
     n_grains : int
         Number of grains of the larger scene.
     definition : str
-        Definition of the angle, which must be in the table.
+        Definition of the angle, such as "flank". It must be in the table of poured
+        piles (`TABLE_CSV`).
     diameter_mm : float
         Diameter of a grain.
 
     Yields
     ------
     str
-        A sentence, the section `funnel`, and the targets if one of them is the Height.
+        First a sentence. If there is a smaller scene, then the section `funnel`, and
+        also all targets if the Height is one of them.
     """
     scene = find_smaller_scene(n_grains, definition)
     if scene is None:
@@ -329,7 +355,8 @@ def _propose_smaller_scene(
     yield _write_yaml_line(NAME, _make_pasted_section(funnel, scene, diameter_mm))
     targets = settings.targets_of(NAME)
     if any(target["response"] == "height_mm" for target in targets):
-        # A smaller pile is lower, so the target of the Height changes.
+        # A smaller pile is lower, so the target of the Height changes. The other
+        # targets are repeated as they are, because a section is pasted as a whole.
         scaled_targets = [
             _scale_target(target, scene.height_share)
             for target in settings.config["targets"]
@@ -338,7 +365,9 @@ def _propose_smaller_scene(
 
 
 def _describe_half(n_grains: int, definition: str) -> str:
-    """Describe the effect of half as many grains, poured from half the funnel's volume.
+    """Write how a pile of half as many grains would differ.
+
+    The lengths of the funnel are scaled so that it has half the volume.
 
     Parameters
     ----------
@@ -351,6 +380,7 @@ def _describe_half(n_grains: int, definition: str) -> str:
     n_reference = min(n_grains, max(list_tabulated_numbers()))
     half = interpolate_change(n_reference, n_reference / 2, definition)
     direction = "lower" if half.angle_deg < 0 else "raise"
+    # The change of the Height that remains after the lengths of the funnel are scaled.
     height_percent = 100 * (half.height - 1)
     return (
         f"Scale effect: {n_reference / 2:.0f} grains instead of {n_reference} would "
@@ -360,18 +390,26 @@ def _describe_half(n_grains: int, definition: str) -> str:
 
 
 def _describe_enough(n_grains: int, definition: str) -> str:
-    """Describe from which number of grains on the angle hardly changes.
+    """Write from which number of grains on the angle stays nearly the same.
 
-    If the table has no such number, this is described for the angle that depends least
-    on the number.
+    If no smaller number in the table is large enough, the sentence says so. It then
+    names the number for the `STEADIEST_ANGLE`, the definition whose angle depends least
+    on the number of grains.
 
     Parameters
     ----------
     n_grains : int
-        Number of grains to compare with.
+        Number of grains to compare with. If it is larger than all numbers in the table,
+        the largest of them replaces it.
     definition : str
-        Definition of the angle, which must be in the table.
+        Definition of the angle, such as "flank". It must be in the table.
+
+    Returns
+    -------
+    str
+        One sentence.
     """
+    # The table cannot tell anything about a larger number.
     n_reference = min(n_grains, max(list_tabulated_numbers()))
     close = f"within {ANGLE_TOLERANCE_DEG:g} deg of that of {n_reference}"
     n_enough = find_fewest_grains(n_reference, definition)
@@ -387,14 +425,17 @@ def _describe_enough(n_grains: int, definition: str) -> str:
 
 
 def _describe_scene(scene: SmallerScene, definition: str) -> str:
-    """Describe the time, the angle and the Height of a smaller scene.
+    """Write how long a smaller scene takes, and how its angle and Height differ.
+
+    The text ends with a colon. The lines of YAML that the caller yields next belong to
+    it.
 
     Parameters
     ----------
     scene : SmallerScene
         The smaller scene, which also describes its differences from the larger one.
     definition : str
-        Definition of the angle.
+        Definition of the angle, such as "flank".
     """
     if scene.angle_change_deg is None:
         angle = "grows by an unknown amount with the number of grains"
@@ -416,7 +457,10 @@ def _describe_scene(scene: SmallerScene, definition: str) -> str:
 def _make_pasted_section(
     funnel: FunnelSettings, scene: SmallerScene, diameter_mm: float
 ) -> dict[str, Any]:
-    """Make the section `funnel` of a smaller scene, for pasting into a configuration."""
+    """Make the section `funnel` of a smaller scene.
+
+    It contains the keys that a user pastes into a configuration, with rounded numbers.
+    """
     section = scale_funnel(funnel, scene.n_fewer, diameter_mm, poured=scene.n_grains)
     pasted = {key: _round_if_float(section[key]) for key in PASTED_KEYS}
     return pasted | dict.fromkeys(COMPUTED_KEYS, AUTO)
@@ -430,7 +474,7 @@ def _scale_target(target: dict[str, Any], height_share: float) -> dict[str, Any]
     target : dict
         The target. Only a target of the Height is scaled.
     height_share : float
-        Height of the smaller scene over that of the larger scene.
+        Ratio of the Height of the smaller scene to that of the larger scene.
     """
     share = height_share if target["response"] == "height_mm" else 1.0
     return target | {
@@ -452,5 +496,5 @@ def _write_yaml_line(key: str, value: object) -> str:
     text = yaml.safe_dump(
         {key: value}, default_flow_style=True, sort_keys=False, width=10**6
     )
-    # PyYAML writes the mapping in braces. Leave them out.
+    # PyYAML writes the mapping in braces, which are not needed here.
     return text.strip()[1:-1]

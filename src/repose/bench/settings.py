@@ -17,7 +17,7 @@ S = TypeVar("S", bound=Section)
 
 
 class SimulationSettings(Section):
-    """The section `simulation`: time step, gravity and force laws of every simulation."""
+    """The section `simulation`: time step, gravity and force laws."""
 
     time_step_s: OrAuto[Annotated[float, Field(ge=1.0e-7, le=1.0e-2)]] = Field(
         default=OF_OTHERS,

@@ -52,19 +52,21 @@ def run(
     parameters: Numbers,
     seed: int = 1,
 ) -> dict[str, Any]:
-    """Measure the times of whole pours and of settled piles on one core.
+    """Measure how long pours and time steps take on one core, for several particles.
 
-    In each round, all particles are poured one after the other under the same
-    conditions. The first particle is the reference for the others.
+    A pour is a whole run of the funnel. In each of `ROUNDS` rounds, all particles are
+    poured one after the other under the same conditions, together with a reference
+    kernel that measures the machine. The first particle is the one with which the
+    others are compared.
 
     Parameters
     ----------
     config : mapping
         The configuration of a study.
     particles : mapping
-        The particles by name.
+        The bodies that represent the grain, by name.
     berry : mapping
-        The moduli of the grain.
+        Shear modulus and Poisson's ratio of the grain, as in berry.json.
     parameters : mapping
         The contact parameters.
     seed : int, optional
@@ -73,10 +75,11 @@ def run(
     Returns
     -------
     dict
-        The results of `summarise_times` and `describe_machine`, with `berries` and
-        `time_step_s` of the pours.
+        The results of `summarise_times` and `describe_machine`, with the number of
+        grains (`berries`) and the time step (`time_step_s`) of the pours.
     """
-    # Compile the code before it is timed.
+    # Run everything once, so that the code is compiled before it is timed. A short pour
+    # of two grains and a few steps of the kernel are enough.
     short_pour = _change_funnel(config, berries=2, duration_s=1.0)
     for particle in particles.values():
         time_pour(short_pour, parameters, seed, particle, berry)
@@ -123,6 +126,7 @@ def describe_machine() -> dict[str, Any]:
     elif features.get("avx"):
         vector_bits = 256
     else:
+        # Every x86-64 processor has vectors of 128 bits, and so have most others.
         vector_bits = 128
     return {"processor": binding.get_host_cpu_name(), "vector_bits": vector_bits}
 
@@ -132,8 +136,9 @@ def time_pour(
 ) -> Times:
     """Measure the time of a whole pour, and of a time step of the settled pile.
 
-    The time of a time step is measured at the end of a second, longer pour, when its
-    pile is at rest.
+    The pour ends as soon as its pile rests. The time of a time step is therefore
+    measured in a second, longer pour: at its end, when the pile has been at rest for a
+    while.
 
     Parameters
     ----------
@@ -144,9 +149,15 @@ def time_pour(
     seed : int
         The seed of both pours.
     particle : Particle
-        The body of the grains.
+        The body that represents a grain.
     berry : mapping
-        The moduli of the grain.
+        Shear modulus and Poisson's ratio of the grain.
+
+    Returns
+    -------
+    Times
+        The time of the first pour, and the time of a time step at the end of the
+        second.
     """
     scene = Scene.of(config, parameters, berry, particle, seed)
     pour = FunnelTest().pour(scene)
@@ -160,32 +171,34 @@ def time_pour(
 
 def _change_funnel(config: Config, **changes: float) -> dict[str, Any]:
     """Copy a configuration, and change keys of the copy's section `funnel`."""
+    # The given configuration is not changed.
     return {**config, "funnel": {**config["funnel"], **changes}}
 
 
 def summarise_times(
     reference_times_us: Sequence[float], pours: Mapping[str, Sequence[Times]]
 ) -> dict[str, Any]:
-    """Summarise measured times by their medians, and compare the particles.
+    """Compute the medians of measured times, and compare the particles.
 
     Parameters
     ----------
     reference_times_us : sequence of float
         Times of the reference kernel.
     pours : mapping
-        Results of `time_pour` by the name of the particle. The first particle is the
-        reference for the others.
+        Results of `time_pour`, one for each round, by the name of the particle. The
+        first particle is the one with which the others are compared.
 
     Returns
     -------
     dict
         ``reference_us``, the time of the reference kernel, and ``particles``, a list of
-        dicts. Each dict has the ``name`` of a particle, ``us_per_step``, the time of a
-        time step, and ``job_s``, the time of a pour. It also has the time of a time
-        step divided by that of the reference kernel, ``ratio``, and by that of a time
-        step of the first particle, ``to_first``.
+        dicts. Each dict has these keys: ``name`` of the particle; ``us_per_step``, the
+        time of a time step; ``job_s``, the time of a whole pour; ``ratio``, the time of
+        a time step divided by that of the reference kernel; ``to_first``, the time of a
+        time step divided by that of the first particle.
     """
     reference_us = float(np.median(reference_times_us))
+    # Take the median over the rounds (axis 0) for each of the two times.
     median_times = {
         name: Times(*np.median(times, axis=0).tolist()) for name, times in pours.items()
     }

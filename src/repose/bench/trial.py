@@ -13,20 +13,20 @@ Build = Callable[[Scene, float], "dem.Simulation"]
 
 
 class Trial:
-    """A simulation with the sizes of its grains, its limits, and the frames of a film.
+    """The simulation of one run, with its grain sizes, its limits and its frames.
 
     Parameters
     ----------
     build : function
-        ``build(scene, largest_scale)`` makes the empty simulation, which has room for
-        grains up to the relative size `largest_scale`.
+        ``build(scene, largest_scale)`` is called once to make the empty simulation. The
+        simulation must have room for grains up to the relative size `largest_scale`.
     scene : Scene
         Settings, parameters, grain and seed of the run. The seed determines the sizes
         of the grains.
     n_grains : int
         Number of grains whose sizes are drawn.
     interval_s : float, optional
-        Simulated time between two frames. Without it no frames are recorded.
+        Simulated time between two frames of a film. Without it no frames are recorded.
     progress : function, optional
         Called with the simulated time [s] whenever the simulation has advanced.
 
@@ -39,7 +39,8 @@ class Trial:
     largest_radius_m : float
         Bounding radius of the largest grain that can be drawn.
     bounds : Bounded
-        Advances the simulation and checks its grains. The method `bound` sets it.
+        Runs the simulation and checks its grains on the way. The method `bound` sets
+        it, and must be called before the first time step.
     """
 
     bounds: Bounded
@@ -52,7 +53,11 @@ class Trial:
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> None:
-        """Draw the sizes of the grains, and build the empty simulation; see the class."""
+        """Draw the sizes of the grains, and build the empty simulation.
+
+        The class documents the parameters. The interval between two frames is rounded
+        to whole time steps.
+        """
         from repose.grain.size_distribution import draw_scales
 
         self.scene = scene
@@ -118,20 +123,23 @@ class Trial:
     def _run_and_record(self, last_step: int, recorder: "dem.Recorder") -> None:
         """Advance to a time step, and record the frames on the way.
 
-        A frame is recorded at each multiple of `_steps_per_frame`.
+        A frame is recorded at each multiple of `_steps_per_frame` that is reached. The
+        state in which the call begins is not recorded.
 
         Parameters
         ----------
         last_step : int
             The time step, counted from the beginning of the simulation.
         recorder : repose.dem.Recorder
-            The recorder, which keeps the frames.
+            The recorder, which keeps the frames. Calling it adds one.
         """
         step = self.simulation.steps
         while step < last_step:
+            # Index of the last frame at or before this step
             n_frames = step // self._steps_per_frame
             next_frame_step = (n_frames + 1) * self._steps_per_frame
             step = min(last_step, next_frame_step)
+            # `bounds` runs the simulation, and checks its grains on the way.
             self.bounds.run_to(step)
             if step == next_frame_step:
                 recorder(self.simulation)
@@ -201,13 +209,13 @@ class Trial:
         """Return whether the grains are at rest on average.
 
         If the energy is NaN, the grains count as at rest, so that a wait for rest ends.
-        The verdict on the run then names the fault.
+        The status of the run then names the problem.
         """
         # Any comparison with NaN is false, so this is not the same as `<=`.
         return not self.energy_j() > self.scene.simulation.rest_energy_j
 
     def grains(self, **others: np.ndarray) -> dict[str, np.ndarray]:
-        """Copy the state of the grains to the arrays of a run, see `grain_arrays`.
+        """Copy the present state of the grains to arrays, see `grain_arrays`.
 
         Parameters
         ----------

@@ -130,7 +130,7 @@ class Speed(NamedTuple):
 
 
 class TurningSettings(Rotating):
-    """The section `turning` of the configuration; config/README.md explains its keys."""
+    """The section `turning` of the configuration; see config/README.md."""
 
     angular_velocity_rad_s: Annotated[
         AngularVelocity | Annotated[tuple[AngularVelocity, ...], _LIST_FIELD],
@@ -273,12 +273,16 @@ class TurningTest(RotatingDrum[TurningSettings]):
     }
 
     def response_of_name(self, name: str) -> Response | None:
-        """Make the response of a name: an angle, or a score of a profile, at a speed.
+        """Make the response that has a given name.
+
+        The name is that of an angle, such as ``turning_2_deg`` for the second speed, or
+        of a score of a profile, such as ``turning_profile_1_mm``. `RESPONSE_NAME`
+        defines all names.
 
         Parameters
         ----------
         name : str
-            A name, such as ``turning_2_deg``.
+            The name of a response.
 
         Returns
         -------
@@ -290,7 +294,8 @@ class TurningTest(RotatingDrum[TurningSettings]):
             return None
         if name.endswith("_deg"):
             return _make_angle_response(name, match["speed"])
-        # A whole profile is not a response, but its scores are.
+        # The name of a whole profile has no number of a score. The scores of a profile
+        # are responses, but the profile itself is not.
         if match["score"] is None:
             return None
         return _make_score_response(name, match["speed"], match["score"])
@@ -319,17 +324,19 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Returns
         -------
         Run
-            The arrays are ``time_s`` (T,), the times since the drum began to turn at
-            its present speed, from `turning.measure_from_s` on; ``position`` (T, N, 3)
-            [m] and ``quaternion`` (T, N, 4) at these times; ``scale`` (N,); and with
-            several speeds ``speed`` (T,), the index of the speed.
+            The arrays are ``time_s`` (T,), the time of each frame; ``position`` (T, N,
+            3) [m] and ``quaternion`` (T, N, 4) at these times; and the relative sizes
+            ``scale`` (N,). A time counts from the moment when the drum took its present
+            speed. Frames begin at `turning.measure_from_s`. With several speeds there
+            is also ``speed`` (T,), the index of the speed.
         """
         section = self.section(scene.settings)
         trial, factory = self.make_empty_drum(scene, interval_s, progress)
         simulation = trial.simulation
         frames = _Frames()
         # The drum stands still while it is filled. Then it turns at one speed after the
-        # other.
+        # other. `guard` ends this block without an error as soon as the run exceeds a
+        # limit. `trial.broken` then holds the reason, and the frames so far are kept.
         with trial.bounds.guard():
             first_step = scene.simulation.steps(section.rotate_from_s)
             fill(trial, factory, first_step)
@@ -340,6 +347,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
 
         arrays = frames.arrays()
         arrays["scale"] = simulation.scales.astype(np.float32)
+        # Without this array, all frames belong to the only speed.
         if section.n_speeds > 1:
             arrays["speed"] = np.array(frames.speed)
         outcome = DrumOutcome(
@@ -383,7 +391,10 @@ class TurningTest(RotatingDrum[TurningSettings]):
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Measure the mean angle at each speed, and the scores of all target profiles.
+        """Measure the mean angle at each speed, and the scores of target profiles.
+
+        A score tells how far the mean surface of the bed is from the profile of a
+        target.
 
         Parameters
         ----------
@@ -397,12 +408,14 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Returns
         -------
         dict
-            The record with the angles and scores. They are None if the run is not
-            ``ok``, or if the bed has no surface in one of the frames.
+            The record with the angles and scores. All of them are None if the run is
+            not ``ok``. They are also None if the bed has no surface in one of the
+            frames; the status and its reason then change.
         """
         section = self.section(scene.settings)
         angle_names = _list_angle_names(section)
         profiles = _select_target_profiles(scene.settings)
+        # A run that cannot be measured has None for each angle and score.
         missing_numbers = dict.fromkeys((*angle_names, *profiles))
         if record["status"] != "ok":
             return {**record, **missing_numbers}
@@ -413,12 +426,14 @@ class TurningTest(RotatingDrum[TurningSettings]):
             angles_deg = self.surface_angles(
                 bed_frames.position, bed_frames.quaternion, bed_frames.scale, scene
             )
+            # An angle is NaN if the bed of that frame has no surface.
             has_surfaces = len(angles_deg) > 0 and np.isfinite(angles_deg).all()
             if not has_surfaces:
                 verdict = make_no_surface_verdict(scene)
                 fault = {"status": verdict.status, "reason": verdict.reason}
                 return {**record, **fault, **missing_numbers}
             measured[angle_name] = float(angles_deg.mean())
+            # The name of a score contains the number of its speed.
             profiles_at_speed = {
                 score_name: profile
                 for score_name, profile in profiles.items()
@@ -435,12 +450,12 @@ class TurningTest(RotatingDrum[TurningSettings]):
         bed_frames: _BedFrames,
         scene: Scene,
     ) -> dict[str, float]:
-        """Compare the mean surface of a flowing bed with the profiles of targets.
+        """Compute scores that compare the mean surface of a bed with target profiles.
 
         Parameters
         ----------
         profiles : mapping
-            The target profile of each score, by the name of the score.
+            The profile of each target, by the name of the score that is the response.
         bed_frames : _BedFrames
             Frames of the bed at one speed.
         scene : Scene
@@ -449,7 +464,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Returns
         -------
         dict
-            The scores [mm] by name.
+            The score [mm] of each profile, by the name of the score.
         """
         from repose.measure import bed
         from repose.measure.silhouette import Grains
@@ -461,6 +476,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         # For each pixel, compute the fraction of the frames in which the bed covers it.
         # The mean surface lies where this fraction equals that of the target profile.
         frames = zip(bed_frames.position, bed_frames.quaternion, strict=True)
+        # This generator is consumed once, by `occupied_share`.
         beds = (
             Grains(position, quaternion, scene.particle, bed_frames.scale)
             for position, quaternion in frames
@@ -472,7 +488,8 @@ class TurningTest(RotatingDrum[TurningSettings]):
             heights_m = bed.surface_heights(
                 covered_share, profile["covered"], x_m, radius_m, mm_per_pixel
             )
-            # One comparison gives all scores of a profile; only one is needed here.
+            # `columns` compares the heights with the profile, and returns all scores of
+            # this profile by name. Each target needs only its own score.
             scores_mm = Profile.of(profile).columns(1e3 * heights_m)
             scores[name] = scores_mm[name]
         return scores
@@ -485,7 +502,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         )
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a drum that cannot run, and targets that it cannot measure.
+        """Yield settings with which the drum cannot run, and targets it cannot measure.
 
         Parameters
         ----------
@@ -495,12 +512,13 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Yields
         ------
         tuple of str
-            A key of the configuration, and what is allowed.
+            A key of the configuration, and the values that are allowed for it.
         """
         yield from self.find_impossible_filling(settings)
         section = self.section(settings)
-        # The speeds can only be listed if each list has as many numbers as there are
-        # speeds.
+        # `list_speeds` below needs lists that have one number for each speed. So only
+        # the first list of a wrong length is reported, and the other checks are
+        # skipped.
         wrong_lists = list(_find_wrong_lists(section))
         if wrong_lists:
             yield wrong_lists[0]
@@ -537,7 +555,7 @@ def _select_target_profiles(settings: SceneSettings) -> dict[str, Mapping[str, A
 
 
 def _find_wrong_lists(section: TurningSettings) -> Contradictions:
-    """Yield keys whose list does not have one number for each speed."""
+    """Yield the keys of lists that do not have one number for each speed."""
     for key in ("measure_from_s", "measure_until_s"):
         value = getattr(section, key)
         if np.ndim(value) and np.size(value) != section.n_speeds:
@@ -550,7 +568,7 @@ def _find_wrong_lists(section: TurningSettings) -> Contradictions:
 def _find_impossible_targets(
     section: TurningSettings, targets: Sequence[Any]
 ) -> Contradictions:
-    """Yield keys of targets at a missing speed, or with points outside the drum.
+    """Yield targets whose speed does not exist, or whose profile leaves the drum.
 
     Parameters
     ----------
@@ -563,20 +581,22 @@ def _find_impossible_targets(
     Yields
     ------
     tuple of str
-        A key of the configuration, and what is allowed.
+        The key of such a target, and the values that are allowed for it.
     """
     radius_mm = 1e3 * Drum.of(section).radius_m
     for number, target in enumerate(targets):
         is_of_drum = isinstance(target, Mapping) and target.get("apparatus") == NAME
         if not is_of_drum:
             continue
+        # The name of the response contains the number of the speed.
         if find_speed_index(target["response"]) >= section.n_speeds:
             yield (
                 f"targets.{number}.response",
                 f"a response of one of {section.n_speeds} speeds "
                 "(turning.angular_velocity_rad_s)",
             )
-        # A target without a profile has no points, so it passes this check.
+        # A target without a profile has no points. The point at x = 0 stands in for
+        # them, and always passes the check.
         x_mm = target.get("profile", {}).get("x", [0.0])
         farthest_mm = max(abs(x) for x in x_mm)
         if farthest_mm >= radius_mm:

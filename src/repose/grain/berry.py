@@ -236,7 +236,10 @@ def compute_mean_grain(
     shear_modulus_pa: float | None = None,
     keeps_volume: bool = False,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Compute statistics of measured grains, and the mean grain with its material.
+    """Compute the mean grain and its material, and statistics of the measured grains.
+
+    The sizes are read from a file. The elastic constants are given, or come from the
+    file of the compression tests.
 
     Parameters
     ----------
@@ -244,31 +247,34 @@ def compute_mean_grain(
         File of the sizes.
     compression_csv : path or None
         File of the compression tests. It may be None if both `poisson_ratio` and
-        `shear_modulus_pa` are given.
+        `shear_modulus_pa` are given, because it is not read then.
     table1_csv : path or None
-        File of the published statistics of the sizes. If it is None, the columns of
-        published values are empty.
+        File of the published statistics of the sizes (Table 1 of the paper). If it is
+        None, the columns of published values are empty.
     density_kg_m3 : float
         Density of a grain.
     poisson_ratio, shear_modulus_pa : float, optional
-        Elastic constants of the grain. One that is None is computed from the
+        Elastic constants of the grain. If one of them is None, it is computed from the
         compression tests. The elastic modulus follows from both (Eq. 4).
     keeps_volume : bool
-        Whether the mean grain has the mean volume (`compute_mean_axes`).
+        Whether the axes of the mean grain are scaled so that it has the mean volume of
+        the grains (`compute_mean_axes`).
 
     Returns
     -------
     statistics : DataFrame
         A row for each dimension (`summarise_sizes`).
     grain : dict
-        The mean grain: axes, elastic constants, density and spread of the sizes, by
-        key.
+        The values of the mean grain by key, rounded: axes, elastic constants, density,
+        spread of the sizes, the number of measured grains ``n``, and
+        ``reconstruction``, whether any of the measurements were reconstructed.
 
     Raises
     ------
     InputError
-        If a file is faulty, or if a number is implausible.
+        If a file is invalid, or if a value is implausible.
     """
+    # Messages about these values name the section `berry` of the configuration.
     check_positive(
         "berry", density_kg_m3=density_kg_m3, shear_modulus_pa=shear_modulus_pa
     )
@@ -296,6 +302,8 @@ def compute_mean_grain(
     quantities["elastic_modulus_pa"] = elastic_modulus_pa
     quantities["poisson_ratio"] = elasticity.poisson_ratio
     quantities["shear_modulus_pa"] = elasticity.shear_pa
+    # `read_sizes` sets this attribute if the sizes were made to match published
+    # statistics, instead of being measured.
     has_reconstructed_sizes = bool(sizes.attrs["reconstruction"])
     grain: dict[str, Any] = _round_numbers(quantities)
     grain["n"] = len(sizes)
@@ -306,7 +314,7 @@ def compute_mean_grain(
     )
 
     # The published statistics describe only the crop whose sizes were reconstructed.
-    # For other sizes, an empty table takes their place.
+    # Measured sizes are of other grains, so they are compared with an empty table.
     reference = published if has_reconstructed_sizes else published.iloc[:0]
     return summarise_sizes(sizes, reference), grain
 
@@ -331,10 +339,9 @@ def _compute_elasticity(
     Parameters
     ----------
     sizes_csv : path
-        File of the grains' sizes, for messages.
+        File of the sizes of the grains, for messages.
     sizes : DataFrame
-        The contents of this file, with which the sizes of the tested grains are
-        compared.
+        The contents of this file. The tested grains should have similar sizes.
     compression_csv : path or None
         File of the tests. If it is None, an error says that the file is missing.
     poisson_ratio, shear_modulus_pa : float or None
@@ -343,7 +350,8 @@ def _compute_elasticity(
     Returns
     -------
     _Elasticity
-        Poisson's ratio, shear modulus, and whether the tests were reconstructed.
+        Poisson's ratio, shear modulus, and whether the tests were reconstructed to
+        match published means, instead of being measured.
 
     Raises
     ------
@@ -351,11 +359,12 @@ def _compute_elasticity(
         If the tests are missing or implausible.
     """
     if compression_csv is None:
+        # The message names the section `berry` of the configuration.
         allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
         raise InputError("berry", "compression", None, allowed)
     tests = read_compression(compression_csv)
-    # The check of a force compares the elastic moduli, which also depend on the sizes.
-    # So it makes sense only if the sizes are plausible.
+    # The forces are checked by the elastic moduli that follow from them. The moduli
+    # also depend on the sizes, so check the forces only if the sizes are plausible.
     faults = _find_size_faults(compression_csv, tests, sizes_csv, sizes)
     if not faults:
         faults = _find_force_faults(compression_csv, tests)
@@ -366,6 +375,7 @@ def _compute_elasticity(
     _check_poisson_ratio(compression_csv, poisson)
     if shear_modulus_pa is None:
         shear_modulus_pa = shear_modulus(mean_moduli.elastic_pa, poisson)
+    # `read_compression` sets this attribute.
     is_reconstructed = bool(tests.attrs["reconstruction"])
     return _Elasticity(poisson, shear_modulus_pa, is_reconstructed)
 
@@ -382,21 +392,21 @@ def _find_size_faults(
     sizes_csv: str | PathLike,
     sizes: pd.DataFrame,
 ) -> list[InputError]:
-    """Find the first column of the tests whose sizes are far from those of the grains.
+    """Find the first column of the tests whose sizes do not fit the measured grains.
 
-    Such a column is probably in the wrong unit.
+    Such a column is probably in the wrong unit. The columns after it are not checked.
 
     Parameters
     ----------
     tests_csv, sizes_csv : path
-        Files of the tests and of the grains' sizes, for messages.
+        Files of the tests and of the sizes of the grains, for messages.
     tests, sizes : DataFrame
         The contents of these files (`read_compression`, `read_sizes`).
 
     Returns
     -------
     list of InputError
-        The fault of this column. The list is empty if the sizes agree.
+        At most one error. The list is empty if the sizes agree.
     """
     for column, axis in AXIS_BY_TEST_COLUMN.items():
         tested_mm = float(tests[column].median())
@@ -415,9 +425,9 @@ def _find_force_faults(
 ) -> list[InputError]:
     """Find forces that lead to implausible elastic moduli.
 
-    The force of a single test is a fault if the modulus of this test is far from the
-    median. A further fault is reported if the mean modulus of all tests is impossible
-    for a grain.
+    There is an error for each test whose modulus is far from the median of all tests.
+    There is another error if the mean modulus of all tests is impossible for a grain.
+    Then the forces are probably not in N.
 
     Parameters
     ----------
@@ -429,7 +439,7 @@ def _find_force_faults(
     Returns
     -------
     list of InputError
-        The faults. The list is empty if all forces are plausible.
+        The errors. The list is empty if all forces are plausible.
     """
     faults = []
     # Check each test against the median of all tests.
@@ -446,7 +456,8 @@ def _find_force_faults(
         fault = InputError(f"{tests_csv}, row {row}", "force_n", force_n, allowed)
         faults.append(fault)
 
-    # Check all tests together.
+    # Check all tests together. The message gives their median force, because no single
+    # force is wrong.
     mean_pa = float(moduli_pa.mean())
     low, high = PLAUSIBLE_MODULI_PA
     if not low <= mean_pa <= high:
@@ -510,7 +521,9 @@ def run(
 def _compute_size_spread(
     sizes: pd.DataFrame, published: pd.DataFrame
 ) -> size_distribution.Spread:
-    """Compute the spread of the grains' equivalent diameters.
+    """Compute how much the equivalent diameters of the grains differ.
+
+    The equivalent diameter is that of a ball with the volume of the grain.
 
     Parameters
     ----------
@@ -522,11 +535,13 @@ def _compute_size_spread(
     Returns
     -------
     Spread
-        The spread as a fraction of the mean diameter. For reconstructed sizes it is
-        estimated from the published range, if there is one.
+        Standard deviation, smallest and largest diameter, as fractions of the mean
+        diameter. Reconstructed sizes are not used if the published table has the range
+        of the diameters. The spread is then estimated from this range.
     """
     dimension = "equivalent_diameter_mm"
     published_rows = published.set_index("dimension")
+    # `read_sizes` sets this attribute if the sizes were not measured.
     if sizes.attrs["reconstruction"] and dimension in published_rows.index:
         published_row = published_rows.loc[dimension]
         return size_distribution.estimate_spread(

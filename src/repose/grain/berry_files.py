@@ -53,7 +53,7 @@ RECONSTRUCTION_MARK = "reconstruction"
 
 
 def read_sizes(path: str | PathLike) -> "pd.DataFrame":
-    """Read the full axes of measured grains.
+    """Read and check the lengths of measured grains along their three axes.
 
     Parameters
     ----------
@@ -63,20 +63,23 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     Returns
     -------
     DataFrame
-        A row for each grain, with `long_mm`, `major_mm` and `minor_mm`. The attribute
-        ``reconstruction`` is True if the rows were reconstructed instead of measured.
+        A row for each grain, with `long_mm`, `major_mm` and `minor_mm`.
+        ``attrs["reconstruction"]`` is True if the rows were not measured, but made to
+        match published statistics.
 
     Raises
     ------
     InputError
-        If the file does not contain such a table, or if a size is implausible.
+        If the file does not contain such a table, has fewer than two grains, or if a
+        size is implausible.
     """
     sizes = _read_numbers(path, SIZE_COLUMNS)
     if len(sizes) < 2:
         allowed = "at least 2 grains: a single one has no standard deviation"
         raise InputError(path, "rows", len(sizes), allowed)
 
-    # A median that is impossible for grains indicates a wrong unit.
+    # First check the columns. A median that is impossible for grains indicates a wrong
+    # unit.
     long_mm, major_mm, minor_mm = sizes.median().tolist()
     low, high = PLAUSIBLE_LENGTHS_MM
     if not low <= long_mm <= high:
@@ -89,8 +92,9 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
         )
         raise InputError(path, "minor_mm", minor_mm, allowed)
 
-    # Check each grain. A size must not be far from the median of its column, and an
-    # axis must not be longer than the one in the previous column.
+    # Then check each grain. A size must not be far from the median of its column, and
+    # an axis must not be longer than the one in the previous column. `refuse` raises an
+    # error if there are any problems.
     faults: list[Fault] = []
     axis_before = None
     for axis in SIZE_COLUMNS:
@@ -119,13 +123,15 @@ def _find_longer_axes(
     Returns
     -------
     list of tuple
-        Row number (from 0), column, value and allowed values of each fault.
+        For each such grain: row number (from 0), name of the column, value, and the
+        values that are allowed.
     """
     faults: list[Fault] = []
     for row in sizes.index[sizes[axis] > sizes[longer_axis]]:
         allowed = (
             f"at most {longer_axis} of the same grain, {sizes.at[row, longer_axis]:g}"
         )
+        # The rows of a `Fault` are numbered from 0.
         faults.append((row - 1, axis, float(sizes.at[row, axis]), allowed))
     return faults
 
@@ -133,9 +139,10 @@ def _find_longer_axes(
 def read_compression(path: str | PathLike) -> "pd.DataFrame":
     """Read compression tests of single grains.
 
-    The grain lies on its broad side, and the load acts along its minor diameter, the
-    width. The cross-section that carries the load has the axes length and breadth. In
-    the name of a column, 1 marks a size before loading, and 2 the same size under load.
+    The grain lies on its broad side. The load acts along its shortest axis, which is
+    called the width. The cross-section that carries the load has the other two axes,
+    the length and the breadth. In the name of a column, 1 marks a size before loading,
+    and 2 the same size under load.
 
     Parameters
     ----------
@@ -145,19 +152,22 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
     Returns
     -------
     DataFrame
-        A row for each test, with the columns `COMPRESSION_COLUMNS`. The attribute
-        ``reconstruction`` is the same as in `read_sizes`.
+        A row for each test, with the columns `COMPRESSION_COLUMNS`.
+        ``attrs["reconstruction"]`` is True if the rows were not measured, but made to
+        match published means.
 
     Raises
     ------
     InputError
-        If the file does not contain such a table, or if a number is implausible.
+        If the file does not contain such a table, or if a size is implausible.
     """
     tests = _read_numbers(path, COMPRESSION_COLUMNS)
     if len(tests) < 1:
         allowed = "at least 1 compression test"
         raise InputError(path, "rows", len(tests), allowed)
     refuse(path, _find_strain_faults(tests))
+    # Sizes that are far from the median of their column are reported only if all
+    # strains are possible. `refuse` raises an error if there are any problems.
     outliers: list[Fault] = []
     for column in ("length_1_mm", "width_1_mm", "breadth_mm"):
         outliers += _find_outliers(tests[column])
@@ -169,17 +179,20 @@ def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
     """Find sizes under load that are impossible, given the sizes before loading.
 
     The load compresses the width of a grain and may lengthen the grain. Neither size
-    changes by more than the fraction `LARGEST_STRAIN`.
+    changes by more than the fraction `LARGEST_STRAIN`. The messages call this fraction
+    a half.
 
     Parameters
     ----------
     tests : DataFrame
-        A row for each test, with the columns `COMPRESSION_COLUMNS`.
+        A row for each test, with the columns `COMPRESSION_COLUMNS`. In the name of a
+        column, 1 marks a size before loading, and 2 the same size under load.
 
     Returns
     -------
     list of tuple
-        Row number (from 0), column, value and allowed values of each fault.
+        For each such size: row number (from 0), name of the column, value, and the
+        values that are allowed.
     """
     faults: list[Fault] = []
     for row, test in enumerate(tests.itertuples(index=False)):
@@ -205,14 +218,15 @@ def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
 def read_grain(
     path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS
 ) -> dict[str, Any]:
-    """Read the file of the mean grain that the command `berry` writes.
+    """Read and check the file of the mean grain, which the command `berry` writes.
 
     Parameters
     ----------
     path : path
         The file.
     needed : iterable of str
-        Keys that the file must have.
+        Keys that the file must have. Their values are positive numbers, except those in
+        `LARGEST_VALUES`.
 
     Returns
     -------
@@ -222,14 +236,16 @@ def read_grain(
     Raises
     ------
     InputError
-        If a key is missing, or if a number is impossible.
+        If a key is missing, or if a number is out of range.
     """
     grain = read_json(path, needed, GRAIN_FILE)
-    # Check the needed keys, and all other known keys in the file. A key that belongs to
-    # both groups is checked twice.
+    # Check the needed keys, and all other keys that are known. The needed keys may be
+    # among the known ones. A second check of a value does no harm.
     known_keys = [key for key in (*POSITIVE_KEYS, *LARGEST_VALUES) if key in grain]
     for key in (*needed, *known_keys):
         value = grain[key]
+        # Types are compared because `isinstance` would accept True and False as
+        # integers.
         is_number = type(value) in (int, float) and math.isfinite(value)
         if key in LARGEST_VALUES:
             largest = LARGEST_VALUES[key]
@@ -254,7 +270,8 @@ def _find_outliers(column: "pd.Series") -> list[Fault]:
     Returns
     -------
     list of tuple
-        Row number (from 0), column, value and allowed values of each fault.
+        For each such length: row number (from 0), name of the column, value, and the
+        values that are allowed.
     """
     median = column.median()
     is_too_long = column > LARGEST_SIZE_RATIO * median
@@ -262,29 +279,33 @@ def _find_outliers(column: "pd.Series") -> list[Fault]:
     outliers = column[is_too_long | is_too_short]
     allowed = f"within a factor of {LARGEST_SIZE_RATIO:g} of the median, {median:g} mm"
     name = str(column.name)
+    # The rows of a `Fault` are numbered from 0.
     return [(row - 1, name, float(length), allowed) for row, length in outliers.items()]
 
 
 def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
-    """Read a table with columns of positive numbers.
+    """Read a table of measurements, whose columns contain positive numbers.
 
     Parameters
     ----------
     path : path
         The file.
     names : sequence of str
-        The names of the columns. The column `test` contains labels instead of numbers.
+        The names of the columns. The column `test` contains the labels of tests instead
+        of numbers.
 
     Returns
     -------
     DataFrame
-        The columns, with rows numbered from 1. The attribute ``reconstruction`` is True
-        if a comment in the file says that its rows were not measured.
+        The columns, with rows numbered from 1. ``attrs["reconstruction"]`` is True if a
+        comment in the file says that its rows were not measured
+        (`RECONSTRUCTION_MARK`).
     """
     # pandas is slow to import, so it is imported only where a table is read.
     import pandas as pd
 
-    # The labels of the tests must be unique, and all numbers must be above 0.
+    # The labels of the tests must be unique (`once`). All numbers must be above the
+    # limit `low`, and not equal to it (`above`).
     columns = []
     for name in names:
         if name == "test":

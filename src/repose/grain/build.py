@@ -53,11 +53,13 @@ def fit_particle(
     source: object = "mesh",
     kind: str = "smooth",
 ) -> Particle:
-    """Fit a convex particle to the support values of a mesh.
+    """Fit a convex particle to a mesh: one ellipsoid, or a sum of a few ellipsoids.
 
-    If all vertices of the mesh lie on an ellipsoid, the particle is this ellipsoid. Its
-    volume is a little larger than that of the mesh, because the facets cut off thin
-    slices of the ellipsoid. The deviations include these slices.
+    The fit compares support values: how far a body extends from its centre in many
+    directions. If all vertices of the mesh lie on an ellipsoid, the particle is this
+    ellipsoid, whatever `kind` is. Its volume is a little larger than that of the mesh,
+    because the facets cut off thin slices of the ellipsoid. The deviations include
+    these slices.
 
     The mass of the particle is the density times the volume of the particle, not of the
     mesh.
@@ -65,7 +67,8 @@ def fit_particle(
     Parameters
     ----------
     mesh : Trimesh
-        The mesh in mm, in its principal pose.
+        The mesh in mm, in its principal pose: centre of mass at the origin, and
+        principal axes along x, y and z.
     density_kg_m3 : float
         Density of the grain.
     stl : str
@@ -87,7 +90,8 @@ def fit_particle(
     """
     check_positive(source, density_kg_m3=density_kg_m3)
     # A support value is the extent of the mesh from its centre in one direction [m].
-    # The mean radius is that of a ball with the volume of the mesh.
+    # The mean radius is that of a ball with the volume of the mesh. Multiplying by `MM`
+    # converts mm to m.
     directions = sphere_directions(N_DIRECTIONS)
     mesh_support = compute_support(mesh, directions) * MM
     mean_radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
@@ -103,7 +107,7 @@ def fit_particle(
     # Round to nanometres, because further digits are only rounding errors of the file.
     semi_axes = np.round(fitted_axes, 9)
 
-    # Refuse a particle that does not represent the mesh.
+    # Reject a particle that does not represent the mesh.
     deviations = np.abs(support(semi_axes, directions) - mesh_support)
     volume, second_moments = support_fit.volume_integrals(semi_axes)
     _check_fit(
@@ -115,6 +119,9 @@ def fit_particle(
         source=source,
     )
 
+    # Second moments are the integrals of x^2, y^2 and z^2 over the particle. A moment
+    # of inertia about one axis is the sum of the second moments of the other two. The
+    # mesh has its own properties, which are stored for comparison.
     body = compute_body(mesh, density_kg_m3)
     return Particle(
         kind="ellipsoid" if len(semi_axes) == 1 else "smooth",
@@ -145,7 +152,7 @@ def _check_fit(
     Parameters
     ----------
     relative_deviation : float
-        Largest deviation of the surfaces, in mean radii of the mesh.
+        Largest deviation of the support values, in mean radii of the mesh.
     volume_ratio : float
         Volume of the particle over that of the mesh.
     volume_tolerance : float
@@ -182,18 +189,20 @@ def make_particle(
     stl: str = "",
     source: object = "mesh",
 ) -> Particle:
-    """Make a particle of the given kind from a mesh.
+    """Make a particle of a given kind from a mesh.
 
     Parameters
     ----------
     mesh : Trimesh
-        The mesh in mm, in its principal pose.
+        The mesh in mm, in its principal pose: centre of mass at the origin, and
+        principal axes along x, y and z.
     density_kg_m3 : float
         Density of the grain.
     kind : str
-        One of `KINDS`.
+        One of `KINDS`. `fit_particle` makes the kinds "ellipsoid" and "smooth".
     spheres : int or str
-        Number of spheres of a multisphere, or "fewest" for as few as fit the mesh.
+        Number of spheres of a multisphere, or "fewest" for as few as represent the
+        mesh.
     surface : str
         Kind of surface of a multisphere, see `sphere_packing.pack`.
     stl : str
@@ -215,11 +224,12 @@ def make_particle(
         raise InputError(source, "particle", kind, ", ".join(KINDS))
     if kind != "multisphere":
         return fit_particle(mesh, density_kg_m3, stl=stl, source=source, kind=kind)
+    # Only a multisphere is left. `fit_particle` checks the density, too.
     check_positive(source, density_kg_m3=density_kg_m3)
 
     packing = sphere_packing.pack(mesh, spheres, surface, source)
-    # The spheres overlap, so their masses and moments must not be added. The particle
-    # has the mass and the moments of the mesh instead.
+    # The spheres overlap, so their masses and moments of inertia must not be added. The
+    # particle has the mass and the moments of the mesh instead.
     body = compute_body(mesh, density_kg_m3)
     centres = packing.spheres_m[:, :3]
     radii = packing.spheres_m[:, 3]
@@ -244,21 +254,23 @@ def make_particle(
 def compare_particles(
     particles: Mapping[str, Particle | InputError],
 ) -> list[dict[str, Any]]:
-    """Compare particles that were made from the same mesh.
+    """Compare the properties of particles that were made from the same mesh.
 
     Parameters
     ----------
     particles : mapping
-        The particles by name. If a particle could not be made, the error is in its
+        The particles by name. If a particle could not be made, the error takes its
         place.
 
     Returns
     -------
     list of dict
         A row for the mesh, if any particle could be made, and a row for each particle.
-        A row has volume, mass, principal moments of inertia and extents. The row of a
-        particle also has its deviations from the mesh. For a particle that could not be
-        made, the row has only its name and, as `refused`, the message of the error.
+        A row has the name (``body``), volume, mass, principal moments of inertia and
+        extents. The row of a particle also has its deviations from the mesh, and the
+        number of its ellipsoids or spheres (``parts``). For a particle that could not
+        be made, the row has only its name and, as ``refused``, the message of the
+        error.
     """
     rows = []
     # All particles have the same mesh, so the first particle gives the row of the mesh.
@@ -270,6 +282,7 @@ def compare_particles(
         if isinstance(particle, InputError):
             rows.append({"body": name, "refused": str(particle)})
             continue
+        # All of these particles were made from a mesh.
         assert particle.mesh_volume_m3 is not None
         volume_ratio = particle.volume_m3 / particle.mesh_volume_m3
         row = _make_comparison_row(name, particle)
@@ -351,7 +364,7 @@ def _make_particle_from_stl(
 def _make_stl(
     grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | None
 ) -> bytes:
-    """Make the contents of the STL file of a grain.
+    """Make an STL file of a grain, as bytes.
 
     Parameters
     ----------
@@ -371,8 +384,8 @@ def _make_stl(
     Raises
     ------
     InputError
-        If the scan is faulty or differs too much in size from the grain, or if no grain
-        with these axes can have this mass.
+        If the scan is invalid or differs too much in size from the grain, or if no
+        grain with these axes can have this mass.
     """
     axes_mm = [grain[name] for name in SIZE_COLUMNS]
     if stl is not None:
@@ -386,7 +399,7 @@ def _make_stl(
 def _make_stl_from_axes(
     axes_mm: tuple[float, ...], mass_g: float | None, density_kg_m3: float
 ) -> bytes:
-    """Make the contents of the STL file of a grain without a scan.
+    """Make an STL file, as bytes, for a grain without a scan.
 
     The most recent results are cached.
 
@@ -416,8 +429,10 @@ def _make_stl_from_axes(
     except InputError as error:
         if error.key != "mass_g":
             raise
-        # If the grains vary widely in size, their mean mass may be too large for the
-        # mean axes. Tell the user what to do about it.
+        # `make_grain_mesh` names the key `mass_g` if the mass is impossible for the
+        # axes. If the grains vary widely in size, their mean mass may be too large for
+        # the mean axes. Then the mass can be left out, and the mean volume of the
+        # measured sizes is used instead. Tell the user so.
         allowed = f"{error.allowed}; without it, the mean volume of the sizes is taken"
         raise InputError(error.source, error.key, error.value, allowed) from error
     return write_stl(mesh)
@@ -426,7 +441,7 @@ def _make_stl_from_axes(
 def _check_scan_size(
     scan: trimesh.Trimesh, axes_mm: list[float], stl: str | PathLike
 ) -> None:
-    """Check that the sides of a scan are close to the mean axes of the measured grains.
+    """Check that the sides of a scan fit the mean axes of the measured grains.
 
     Parameters
     ----------
@@ -463,17 +478,18 @@ def run(
     spheres: int | str = 14,
     surface: str = "smooth",
 ) -> Particle:
-    """Write the mesh, the particle, and a comparison of all kinds of particles.
+    """Make the mesh and the particle of a grain, and write them to files.
 
-    The files are berry.stl, particle.json and particles.csv. The mesh is the user's
-    scan. Without a scan, it is made from the mean axes and the mass, or from the axes
-    alone as an ellipsoid. The particle is made from the mesh after rounding to the
-    single precision of the STL file, so that it belongs to the mesh in the file.
+    The files are berry.stl (the mesh), particle.json (the particle) and particles.csv
+    (a comparison of all kinds of particles). The mesh is the user's scan. Without a
+    scan, it is made from the mean axes and the mass of the grain, or as an ellipsoid if
+    no mass is given. The particle is made from the mesh after rounding to the single
+    precision of the STL file, so that it belongs to the mesh in the file.
 
     Parameters
     ----------
     berry_json : path
-        The file of the mean grain.
+        The file of the mean grain, which the command `berry` writes.
     stl : path, optional
         The user's scan.
     out_dir : path
@@ -481,9 +497,10 @@ def run(
     kind : str
         Kind of the particle, one of `KINDS`.
     mass_g : float, optional
-        Mass of the mean grain.
+        Mass of the mean grain. It has no effect if there is a scan.
     spheres : int or str
-        Number of spheres of a multisphere, or "fewest" for as few as fit the mesh.
+        Number of spheres of a multisphere, or "fewest" for as few as represent the
+        mesh.
     surface : str
         Kind of surface of a multisphere, see `sphere_packing.pack`.
 
@@ -503,6 +520,7 @@ def run(
 
     grain = read_grain(berry_json, (*SIZE_COLUMNS, "density_kg_m3"))
     out = Path(out_dir)
+    # Errors name the file of the mesh: the scan, or the file that is written.
     source = stl or out / MESH_FILE
     stl_content = _make_stl(grain, stl, mass_g)
     mesh = read_stl(stl_content, source)
@@ -518,8 +536,8 @@ def run(
             source=source,
         )
 
-    # Make the particle of this kind, or fail. The other kinds are needed only for the
-    # comparison, which lists the errors that they raise.
+    # Make the particle of the wanted kind. If this fails, nothing is written. The other
+    # kinds are only needed for the comparison, which lists the errors that they raise.
     particle = make_particle_of_kind(kind)
     particles: dict[str, Particle | InputError] = {}
     for other_kind in KINDS:

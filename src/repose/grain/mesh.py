@@ -56,9 +56,11 @@ def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh
 
 
 def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
-    """Read a mesh in any format that trimesh can read, such as STL.
+    """Read a mesh from a file, check it, and move it to its principal pose.
 
-    The mesh is checked (`check_mesh`) and moved to its principal pose.
+    The file may have any format that trimesh can read, such as STL. The mesh is checked
+    by `check_mesh`. In the principal pose, the centre of mass is at the origin, and the
+    principal axes of inertia lie along x, y and z.
 
     Parameters
     ----------
@@ -81,11 +83,12 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
         raise InputError(path, "file", None, allowed)
     if path.suffix.lower() == ".stl":
         return read_stl(_trim_stl(path.read_bytes(), path), path)
+    # The suffix of the path gives the format. The path also names the file in messages.
     return _read_mesh(path, None, path)
 
 
 def _trim_stl(content: bytes, source: object) -> bytes:
-    """Remove anything that follows the body in the contents of an STL file.
+    """Remove anything that follows the mesh in the contents of an STL file.
 
     Parameters
     ----------
@@ -97,16 +100,19 @@ def _trim_stl(content: bytes, source: object) -> bytes:
     Returns
     -------
     bytes
-        The contents up to the end of the body.
+        The contents up to the end of the body. A text file is returned in lower case
+        and with line feeds, which `trimesh` reads just as well.
 
     Raises
     ------
     InputError
-        If the file is truncated, if its numbers have decimal commas, or if a second
+        If the file is incomplete, if its numbers have decimal commas, or if a second
         body follows in a binary file.
     """
+    # Letters and line ends of a text file may have several forms. Make them the same.
     text = content.removeprefix(BYTE_ORDER_MARK).lower().replace(b"\r", b"\n")
     beginning = text[:BEGINNING_BYTES]
+    # A binary file hardly ever contains text that matches this pattern.
     decimal_comma = DECIMAL_COMMA.search(beginning)
     if decimal_comma:
         allowed = "numbers with a decimal point"
@@ -120,12 +126,12 @@ def _trim_stl(content: bytes, source: object) -> bytes:
 
 
 def _trim_text_stl(text: bytes, source: object) -> bytes:
-    """Check a text STL file, and make it end with a single `endsolid`.
+    """Check that a text STL file is complete, and make it end with one `endsolid`.
 
     Parameters
     ----------
     text : bytes
-        Contents of the file in lower case.
+        Contents of the file in lower case and with line feeds.
     source : object
         The file, for messages.
 
@@ -137,15 +143,15 @@ def _trim_text_stl(text: bytes, source: object) -> bytes:
     Raises
     ------
     InputError
-        If the file is truncated in the middle of a facet.
+        If the file ends in the middle of a facet.
     """
     n_begun = len(re.findall(rb"(?m)^\s*facet\b", text))
     n_ended = len(re.findall(rb"(?m)^\s*endfacet\b", text))
     if n_begun != n_ended:
         allowed = f"{n_begun}, as many as begin: the file is cut off"
         raise InputError(source, "facets", n_ended, allowed)
-    # Remove the last `endsolid`, if it follows the last facet, and everything after it.
-    # Then add an `endsolid`.
+    # Remove the last `endsolid` and everything after it, and add an `endsolid`. If
+    # there is none after the last facet, only add it.
     end = text.rfind(b"endsolid")
     if end > text.rfind(b"endfacet"):
         text = text[:end]
@@ -170,20 +176,23 @@ def _trim_binary_stl(content: bytes, source: object) -> bytes:
     Raises
     ------
     InputError
-        If the file is truncated, or if a second body follows.
+        If the file is incomplete or not an STL file, or if a second body follows.
     """
     # The header ends with the number of facets, in four bytes.
     header = content[:STL_HEADER_BYTES]
     n_in_header = int.from_bytes(header[STL_HEADER_BYTES - 4 :], "little")
+    # Number of facets for which the file is long enough
     n_facets = max(len(content) - STL_HEADER_BYTES, 0) // STL_FACET_BYTES
     if n_facets < max(n_in_header, 1):
+        # A header that states no facets does not say how many are expected.
         expected = n_in_header or "some"
         allowed = f"{expected}, as its header says: the file is cut off, or no STL"
         raise InputError(source, "facets", n_facets, allowed)
     end = STL_HEADER_BYTES + STL_FACET_BYTES * n_in_header
     rest = content[end:].strip(b"\0\t\r\n ")
     # If the rest is long enough for a header and a facet, it is taken for a second
-    # body. A shorter rest, such as a comment that a program has added, is removed.
+    # body. This includes facets after a header that states none. A shorter rest, such
+    # as a comment that a program has added, is removed.
     if len(rest) >= STL_HEADER_BYTES + STL_FACET_BYTES:
         allowed = f"{n_in_header}, as its header says: one body"
         raise InputError(source, "facets", n_facets, allowed)
@@ -253,7 +262,10 @@ def read_stl(stl: bytes, source: object) -> trimesh.Trimesh:
 
 
 def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
-    """Check that a mesh can be the surface of a grain.
+    """Check that a mesh can be the surface of a grain, and repair small faults.
+
+    The order of the steps matters: equal vertices must be merged before bad facets are
+    found, and both come before the check whether the mesh is closed.
 
     Parameters
     ----------
@@ -266,7 +278,7 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     Returns
     -------
     Trimesh
-        The same mesh.
+        The same mesh, after the changes.
 
     Raises
     ------
@@ -290,12 +302,13 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     if mesh.body_count > 1:
         allowed = "1: the outer surface of one grain"
         raise InputError(source, "bodies", mesh.body_count, allowed)
+    # This also checks that the normals point outwards.
     _check_volume(mesh, source)
     return mesh
 
 
 def _check_extents(mesh: trimesh.Trimesh, source: object) -> None:
-    """Check that the size of a mesh is plausible in mm, and that the mesh is not flat.
+    """Check that a mesh has a plausible size in mm, and that it is not a flat sheet.
 
     Parameters
     ----------
@@ -307,8 +320,10 @@ def _check_extents(mesh: trimesh.Trimesh, source: object) -> None:
     Raises
     ------
     InputError
-        If the longest or the shortest side is implausible.
+        If the longest side of the box around the mesh is implausible, or its shortest
+        side is too short.
     """
+    # Sides of the box around the mesh, along x, y and z
     longest = float(mesh.extents.max())
     shortest = float(mesh.extents.min())
     low, high = PLAUSIBLE_LENGTHS_MM
@@ -326,7 +341,8 @@ def _check_extents(mesh: trimesh.Trimesh, source: object) -> None:
 def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
     """Remove facets of zero area, and then duplicate facets, from an open mesh.
 
-    A closed mesh keeps them, because a facet of zero area may close a gap.
+    A closed mesh keeps them, because a facet of zero area may close a gap. Both kinds
+    together are called bad facets.
 
     Parameters
     ----------
@@ -340,10 +356,13 @@ def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
     InputError
         If at least half of the facets are bad, even if the mesh is closed.
     """
+    # Each function marks the facets that are good. The duplicates are counted after the
+    # first removal, because both functions read the present mesh.
     for find_good_facets in (mesh.nondegenerate_faces, mesh.unique_faces):
         is_good = find_good_facets()
         n_good = int(is_good.sum())
         n_bad = len(is_good) - n_good
+        # If the file contains its body twice, half of the facets are duplicates.
         if n_bad >= n_good:
             key = "facets with an area, each once"
             allowed = f"{len(is_good)}: is the body there twice?"
@@ -356,7 +375,8 @@ def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputErro
     """Make the error for a mesh that is not closed, with the number of its bad edges.
 
     Each edge of a closed surface belongs to two facets, and the normals of both point
-    outwards.
+    outwards. An edge is bad if it belongs to one facet, to more than two, or to two
+    facets of which one is turned over.
 
     Parameters
     ----------
@@ -375,9 +395,10 @@ def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputErro
     _, edge_numbers, n_facets = np.unique(
         mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True
     )
-    # If the normals of two neighbouring facets point to the same side of the surface,
-    # their corner sequences traverse the common edge in opposite directions. Then the
-    # vertex numbers ascend along the edge in exactly one of the two facets.
+    # Each facet lists its corners counter-clockwise as seen from outside. So two
+    # neighbouring facets that are both turned the right way run along their common edge
+    # in opposite directions. Then the vertex numbers ascend along the edge in exactly
+    # one of the two facets.
     is_ascending = mesh.edges[:, 0] < mesh.edges[:, 1]
     n_ascending = np.bincount(edge_numbers.ravel(), is_ascending)
     n_single = (n_facets == 1).sum()
@@ -395,7 +416,7 @@ def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputErro
 
 
 def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
-    """Check that the normals of a mesh point outwards, and that it is nearly convex.
+    """Check that the faces of a mesh point outwards, and that it is nearly convex.
 
     Parameters
     ----------
@@ -415,9 +436,12 @@ def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
     if volume <= 0:
         allowed = "positive; the faces must look outwards"
         raise InputError(source, "volume in mm3", volume, allowed)
+    # The hull share is the volume as a fraction of that of the convex hull. It is about
+    # 1 for a convex body, and smaller the deeper its dents are.
     hull_share = volume / float(mesh.convex_hull.volume)
     if SMALLEST_HULL_SHARE <= hull_share <= 1 + ROUNDING:
         return
+    # The mesh fails the check. The message depends on which limit it exceeds.
     if hull_share < 1:
         allowed = (
             f"at least {SMALLEST_HULL_SHARE:g}; the particle is convex and cannot stand "

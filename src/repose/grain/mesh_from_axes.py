@@ -30,7 +30,7 @@ Axes = Sequence[float] | np.ndarray
 
 @dataclass(frozen=True)
 class _Details:
-    """Taper and grooves of a grain, which its axes and volume do not determine."""
+    """The taper and the grooves of a grain, in addition to its axes and volume."""
 
     taper: float  # the width changes by this fraction towards one end
     wrinkles: int  # number of grooves along the grain
@@ -52,12 +52,14 @@ def compute_profile_exponents(shape: float) -> tuple[float, float]:
 def _compute_outline(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
     """Compute points at equal distances along the outline of a grain.
 
-    The outline is the profile r(t) = (1 - |t|^m)^k, times 1 + taper * t.
+    The outline gives the radius r at the position t along the grain, which goes from -1
+    to 1. It is the profile r(t) = (1 - |t|^m)^k, times 1 + taper * t.
 
     Parameters
     ----------
     shape : float
-        Shape number, see `compute_profile_exponents`.
+        Shape number, which determines the exponents m and k
+        (`compute_profile_exponents`).
     taper : float
         Fraction by which the width increases towards the end t = 1.
 
@@ -69,9 +71,10 @@ def _compute_outline(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray
         The radii r (RINGS + 1,) at these positions, relative to the largest radius.
     """
     m, k = compute_profile_exponents(shape)
-    # One half of the outline goes from the end t = -1 to the middle. Its points are
-    # densest at the end, where the radius changes fastest. The other half is its mirror
-    # image, without the middle.
+    # One half of the outline goes from the end t = -1 to the middle. With equal steps
+    # of the angle, its points are densest at the end, where the radius changes fastest.
+    # The exponent 2 / m gives |t|^m = cos^2. The other half is the mirror image of the
+    # first one, without the middle point, which is the last one of the first half.
     half_t = np.cos(np.linspace(0, math.pi / 2, OUTLINE_POINTS)) ** (2 / m)
     # Rounding errors could make the base of the power negative at the end.
     half_r = np.clip(1 - half_t**m, 0, None) ** k
@@ -97,11 +100,11 @@ def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimes
     Parameters
     ----------
     axes_mm : sequence of float
-        Full axes, the longest first.
+        Full lengths along the three axes, the longest first.
     shape : float
         Shape number, see `compute_profile_exponents`.
     details : _Details
-        Taper and grooves.
+        Taper and grooves. The grooves are called wrinkles there.
 
     Returns
     -------
@@ -112,8 +115,9 @@ def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimes
     angles = np.arange(SECTORS) * (2 * math.pi / SECTORS)
     half_length, half_width, half_height = np.asarray(axes_mm, float) / 2
 
-    # Without grooves, the largest cross-section (SECTORS, 2) is an ellipse. The grooves
-    # lie inside this ellipse, and have the form of a cosine wave.
+    # Without grooves, the largest cross-section (SECTORS, 2) is an ellipse. Grooves lie
+    # inside this ellipse, and have the form of a cosine wave around it. Their depth, as
+    # a fraction of half of the shortest axis, reduces both coordinates of a point.
     depth = details.wrinkle_depth_mm / half_height
     groove_factors = 1 - depth * (1 - np.cos(details.wrinkles * angles)) / 2
     y = half_width * np.cos(angles)
@@ -126,6 +130,7 @@ def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimes
     for x, scale in zip(half_length * positions[1:-1], scales[1:-1], strict=True):
         rings.append(np.column_stack([np.full(SECTORS, x), scale * largest_section]))
     tips = [[-half_length, 0, 0], [half_length, 0, 0]]
+    # `_list_faces` relies on this order of the points.
     points = np.concatenate([*rings, tips])
     return trimesh.Trimesh(points, _list_faces(len(rings)), process=False)
 
@@ -133,7 +138,8 @@ def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimes
 def _list_faces(n_rings: int) -> np.ndarray:
     """List the triangles of a mesh that consists of rings of points and two tips.
 
-    The points are numbered ring by ring. The two tips have the last numbers.
+    The points must be numbered ring by ring, as in `_make_mesh`. The two tips have the
+    last numbers.
 
     Parameters
     ----------
@@ -148,7 +154,7 @@ def _list_faces(n_rings: int) -> np.ndarray:
     """
     n_points = n_rings * SECTORS + 2
     # Number the points of the first ring, and for each of them the next point around
-    # the ring. For another ring, the number of its first point is added to both.
+    # the ring. In another ring, the number of its first point is added to both.
     point = np.arange(SECTORS)
     neighbour = (point + 1) % SECTORS
     last_ring = (n_rings - 1) * SECTORS
@@ -156,8 +162,9 @@ def _list_faces(n_rings: int) -> np.ndarray:
     last_tip = np.full(SECTORS, n_points - 1)
     # A fan of triangles around the first tip closes the first end.
     faces = [np.column_stack([first_tip, neighbour, point])]
-    # Between two rings there are quadrilaterals with the corners a, b, d and c. Each of
-    # them is divided into two triangles.
+    # Between two rings there are quadrilaterals with the corners a, b, d and c, where a
+    # and b lie on the first ring, and c and d on the next. Each of them is divided into
+    # two triangles. Here `ring` is the number of the first point of the ring.
     for ring in range(0, last_ring, SECTORS):
         next_ring = ring + SECTORS
         a = ring + point
@@ -181,13 +188,17 @@ def make_grain_mesh(
     wrinkle_depth_mm: float = 0.0,
     source: object = "berry",
 ) -> tuple[trimesh.Trimesh, float]:
-    """Make a closed mesh of a grain with given axes, mass and density.
+    """Make a closed mesh of a grain that has given axes, mass and density.
+
+    The blunter the tips of the grain, the larger its volume. How blunt they are is
+    described by the shape number (`compute_profile_exponents`), which is found by a
+    search for the given mass.
 
     Parameters
     ----------
     axes_mm : sequence of float
-        Full axes, the longest first. They are measured across the ridges between the
-        grooves, and where a tapered grain is widest.
+        Full lengths along the three axes, the longest first. They are measured across
+        the ridges between the grooves, and where a tapered grain is widest.
     mass_g, density_kg_m3 : float
         Mass and density of the grain.
     taper : float
@@ -204,12 +215,12 @@ def make_grain_mesh(
     mesh : Trimesh
         The mesh in mm. Its long axis lies along x.
     shape : float
-        The shape number of the mesh (`compute_profile_exponents`).
+        The shape number of the mesh.
 
     Raises
     ------
     InputError
-        If an argument is impossible, or if no shape with these axes has this mass.
+        If an argument is out of range, or if no grain with these axes has this mass.
     """
     axes = _check_axes(axes_mm, source)
     check_positive(source, mass_g=mass_g, density_kg_m3=density_kg_m3)
@@ -217,8 +228,8 @@ def make_grain_mesh(
     _check_details(details, axes, source)
     volume = mass_g * 1e-3 / density_kg_m3 / MM**3  # mm3
 
-    # The volume grows with the shape number, so the limits of the shape number give the
-    # limits of the mass.
+    # The volume grows with the shape number. So the limits of the shape number give the
+    # limits of the volume and of the mass.
     lowest_shape, highest_shape = SHAPE_LIMITS
     smallest_volume = _make_mesh(axes, lowest_shape, details).volume
     largest_volume = _make_mesh(axes, highest_shape, details).volume
@@ -234,7 +245,9 @@ def make_grain_mesh(
         )
         raise InputError(source, "mass_g", mass_g, allowed)
 
-    # Find the shape number that gives the mass.
+    # Find the shape number that gives the mass. The volume lies between the limits, as
+    # has just been checked. Therefore the function changes its sign between them, as
+    # `brentq` requires.
     def compute_excess_volume(shape: float) -> float:
         return _make_mesh(axes, shape, details).volume - volume
 
@@ -245,7 +258,10 @@ def make_grain_mesh(
 
 
 def _check_axes(axes_mm: Axes, source: object) -> np.ndarray:
-    """Return the axes (3,); raise InputError unless positive and in descending order."""
+    """Return the axes (3,) as an array.
+
+    Raises InputError unless they are positive and in descending order.
+    """
     axes = np.asarray(axes_mm, float)
     is_possible = axes.shape == (3,) and np.isfinite(axes).all()
     if not is_possible or not axes[0] >= axes[1] >= axes[2] > 0:
@@ -255,7 +271,9 @@ def _check_axes(axes_mm: Axes, source: object) -> np.ndarray:
 
 
 def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
-    """Check taper and grooves of a grain.
+    """Check the taper and the grooves of a grain.
+
+    In the names of arguments and keys, grooves are called wrinkles.
 
     Parameters
     ----------
@@ -269,18 +287,21 @@ def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
     Raises
     ------
     InputError
-        If a value is impossible, or if only one of the number and the depth of the
+        If a value is out of range, or if only one of the number and the depth of the
         grooves is given.
     """
+    # The conditions are negated so that NaN is rejected, too.
     if not abs(details.taper) <= LARGEST_TAPER:
         allowed = f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}"
         raise InputError(source, "taper", details.taper, allowed)
     depth = details.wrinkle_depth_mm
+    # `LARGEST_GROOVE` is a fraction of half of the shortest axis.
     largest_depth = LARGEST_GROOVE * axes[2] / 2
     if not 0 <= depth <= largest_depth:
         allowed = f"from 0 to {format_significant(largest_depth, 3)}"
         raise InputError(source, "wrinkle_depth_mm", depth, allowed)
-    # Either the number and the depth of the grooves are both 0, or neither is.
+    # A grain has either no grooves, with number and depth 0, or a number of grooves
+    # between the limits `WRINKLES`, with a depth above 0.
     if not details.wrinkles and not depth:
         return
     fewest, most = WRINKLES

@@ -82,13 +82,14 @@ def check_positive(source: object, **numbers: float | None) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Particle:
-    """Rigid particle in its body frame.
+    """Rigid particle that represents a grain, in the frame of its body.
 
     The axes of the frame are the principal axes of the particle, of which x has the
-    smallest moment of inertia. The origin is the centre of mass. The support function
-    of a convex particle is the sum of the support functions of K co-axial ellipsoids. A
-    multisphere has the mass and the moments of its mesh, and the volume of the union of
-    its spheres.
+    smallest moment of inertia. The origin is the centre of mass. A convex particle is
+    the sum of K ellipsoids with common axes: its support function, the extent from the
+    centre in a direction, is the sum of theirs. A multisphere is a rigid clump of M
+    overlapping spheres. It has the mass and the moments of its mesh, and the volume of
+    the union of its spheres.
 
     Attributes
     ----------
@@ -160,9 +161,10 @@ class Particle:
         )
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Compute the support values [m]: how far the particle extends in each direction.
+        """Compute how far the particle extends in each direction [m].
 
-        The extents are measured from the centre of mass.
+        These extents are called support values. They are measured from the centre of
+        mass.
 
         Parameters
         ----------
@@ -235,6 +237,8 @@ class Particle:
     def from_record(cls, record: Mapping[str, Any]) -> "Particle":
         """Make a particle from the values of its file.
 
+        The values must have been checked, as `load` does.
+
         Parameters
         ----------
         record : mapping
@@ -246,6 +250,7 @@ class Particle:
             The particle in SI units.
         """
         fields = {name: record[name] for name in UNCHANGED_FIELDS}
+        # `unit` is the factor that converts the unit of the file to the SI unit.
         for name, (key, unit) in CONVERTED_FIELDS.items():
             value = record[key]
             if isinstance(value, list):
@@ -254,7 +259,7 @@ class Particle:
                 fields[name] = value * unit
             else:
                 fields[name] = value  # None: the particle has no mesh
-        # An empty list becomes an array without rows.
+        # These two fields are never None. An empty list becomes an array without rows.
         fields["semi_axes_m"] = fields["semi_axes_m"].reshape(-1, 3)
         fields["spheres_m"] = fields["spheres_m"].reshape(-1, 4)
         return cls(**fields)
@@ -280,18 +285,21 @@ class Particle:
         Raises
         ------
         InputError
-            If the file does not describe a particle, or contains an impossible number.
+            If the file does not describe a particle, or if a number is not finite or
+            out of range.
         """
         number_keys = [key for key, _ in CONVERTED_FIELDS.values()]
         record = read_json(path, (*UNCHANGED_FIELDS, *number_keys), FILE_DESCRIPTION)
         if record["kind"] not in KINDS:
             raise InputError(path, "kind", record["kind"], " or ".join(KINDS))
+        # The density has the same unit in the file, so it is not among the other keys.
         for key in ("density_kg_m3", *number_keys):
             value = record[key]
             # A particle may have no mesh.
             if key.startswith("mesh_") and value is None:
                 continue
             _check_numbers(path, key, value)
+        # A particle consists of ellipsoids or of spheres.
         if not record["spheres_mm"] and not record["semi_axes_mm"]:
             raise InputError(
                 path, "spheres_mm", [], "spheres, if semi_axes_mm is empty"
@@ -300,27 +308,31 @@ class Particle:
 
 
 def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
-    """Check the numbers of a key in the file of a particle.
+    """Check that the value of a key in the file of a particle has valid numbers.
 
     Parameters
     ----------
     path : path
         The file, for messages.
     key : str
-        The key, which determines the required shape of the value (`ARRAY_SHAPES`).
+        The key. It determines the required shape of the value (`ARRAY_SHAPES`), and
+        which numbers may be 0.
     value : object
         The value of the key.
 
     Raises
     ------
     InputError
-        If the shape is wrong, or if a number is not finite or not positive.
+        If the shape is wrong, if a number is not finite, or if a size is not positive.
+        Half axes and deviations may be 0.
     """
+    # The error for a value of the wrong type or shape, which is raised below
     error = InputError(path, key, value, f"finite numbers in {FILE_DESCRIPTION}")
     # NumPy would convert text and booleans to numbers.
     if isinstance(value, bool | str):
         raise error
-    # The shape () is that of a single number.
+    # The shape () is that of a single number. In other shapes, -1 stands for any number
+    # of rows.
     try:
         array = np.array(value, dtype=float)
         numbers = array.reshape(ARRAY_SHAPES.get(key, ()))

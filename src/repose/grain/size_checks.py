@@ -1,4 +1,4 @@
-"""Check whether one mean grain can stand for all of the measured grains."""
+"""Check whether a single mean grain can represent all of the measured grains."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class Split(NamedTuple):
     n_small : int
         Number of values in the group of the smaller values.
     explained : float
-        Share of the variance that the means of the two groups explain.
+        Fraction of the variance that the means of the two groups explain.
     """
 
     n_small: int
@@ -119,9 +119,9 @@ def estimate_chance_share(n_values: int) -> float:
 
 
 def find_size_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
-    """Find out whether the sizes of grains form two groups, and describe the groups.
+    """Find out whether the grains form two groups by size, and describe the groups.
 
-    The sizes form two groups if the best split of their logarithms explains more of the
+    They do if the best split of the logarithms of the sizes explains more of the
     variance than it would by chance (`estimate_chance_share`).
 
     Parameters
@@ -137,6 +137,7 @@ def find_size_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
     logarithms = np.sort(np.log(np.asarray(diameters_mm, float)))
     n_grains = len(logarithms)
     split = find_best_split(logarithms)
+    # With fewer grains, two groups cannot be told from chance.
     if n_grains < FEWEST_GRAINS or split.explained <= estimate_chance_share(n_grains):
         return None
     small = logarithms[: split.n_small]
@@ -158,7 +159,7 @@ def compute_largest_volume(axes: Sequence[float]) -> float:
     Parameters
     ----------
     axes : sequence of float
-        The three full axes, the longest first.
+        Full lengths of the body along its three axes, the longest first.
 
     Returns
     -------
@@ -167,28 +168,33 @@ def compute_largest_volume(axes: Sequence[float]) -> float:
 
     Notes
     -----
-    No body without this symmetry is larger (isodiametric inequality): Steiner's
-    symmetrisation makes any body symmetric, keeps its volume, and increases no extent.
+    A body without this symmetry is not larger (isodiametric inequality): Steiner's
+    symmetrisation makes any body symmetric. It keeps the volume, and increases no
+    extent.
     """
     ball_radius, half_width, half_height = (0.5 * axis for axis in axes)
 
     def compute_quarter_area(y: float) -> float:
         """Compute a quarter of the area of the cross-section at the distance y.
 
-        The cross-section of the ball is a disc, which the box cuts off at half its
-        height.
+        The distance is measured from the centre, along the second axis. The
+        cross-section of the ball is a disc. The box cuts off its parts above
+        `half_height` and below -`half_height`.
         """
-        # Rounding errors could make the differences of squares negative.
+        # Radius of the disc. Rounding errors could make the differences of squares
+        # negative, here and below.
         circle_radius = math.sqrt(max(ball_radius**2 - y**2, 0.0))
         cut_height = min(half_height, circle_radius)
         if cut_height == 0:
             return 0.0
-        # The quarter consists of a triangle and a sector of the disc.
+        # A horizontal line at `cut_height` cuts the disc. The quarter below it consists
+        # of a triangle from the centre to the ends of half of this chord, and of a
+        # sector of the disc between the triangle and the horizontal axis.
         half_chord = math.sqrt(max(circle_radius**2 - cut_height**2, 0.0))
         sector_angle = math.asin(min(cut_height / circle_radius, 1.0))
         return 0.5 * (cut_height * half_chord + circle_radius**2 * sector_angle)
 
-    # Integrating a quarter of the cross-section over half the width gives an eighth of
-    # the volume.
+    # The quarter of the cross-section, integrated over half of the width, is an eighth
+    # of the volume.
     eighth, _error = quad(compute_quarter_area, 0.0, half_width)
     return 8 * float(eighth)

@@ -143,32 +143,34 @@ def draw_sizes(
 
 
 def _read_spread(distribution: str, grain: Mapping[str, float]) -> Spread:
-    """Read the spread of the sizes from the values of a mean grain.
+    """Read how much the sizes of the grains differ, from the values of a mean grain.
 
     Parameters
     ----------
     distribution : str
-        "none" for equal grains, or "measured".
+        "none" if all grains are equal, or "measured" for the spread in `grain`.
     grain : mapping
         Values of the mean grain by key, as in berry.json.
 
     Returns
     -------
     Spread
-        The spread of the sizes relative to their mean.
+        Standard deviation, smallest and largest size, relative to the mean size.
 
     Raises
     ------
     InputError
-        If a value is missing or impossible.
+        If a value is missing, not finite or negative.
     """
     if distribution == "none":
+        # Standard deviation 0; smallest and largest size 1
         return Spread(0.0, 1.0, 1.0)
     for key in SPREAD_KEYS:
         value = grain.get(key)
         if value is None or not math.isfinite(value) or value < 0:
             allowed = "a number, as the verb berry writes it"
             raise InputError("berry.json", key, value, allowed)
+    # `SPREAD_KEYS` has the order of the fields of `Spread`.
     return Spread(*(grain[key] for key in SPREAD_KEYS))
 
 
@@ -198,9 +200,10 @@ def draw_scales(
     Raises
     ------
     InputError
-        If the mean grain has no spread of sizes, or an impossible one.
+        If the mean grain has no spread of sizes, or one that is out of range.
     """
     spread = _read_spread(distribution, grain)
+    # The random numbers of the sizes are independent of those of the positions.
     rng = np.random.default_rng([SIZE_STREAM, seed])
     scales = draw_sizes(rng, count, *spread)
     if spread.sd == 0:

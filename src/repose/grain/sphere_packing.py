@@ -69,11 +69,12 @@ def pack(
     mesh : Trimesh
         The mesh in mm, nearly convex, with its centre at the origin.
     count : int or str
-        Number of spheres, or "fewest".
+        Number of spheres, or "fewest" for as few as represent the mesh.
     surface : str
-        Kind of surface. "smooth": inscribed balls of any radius, which then grow until
-        their union has the mesh's volume. "rough": equal balls that touch the surface
-        from inside. "rough_full": equal balls that then grow like smooth ones.
+        Kind of surface. "smooth": balls of any radius are placed inside the mesh, and
+        then all radii grow by the same amount, so that the union has the volume of the
+        mesh. "rough": balls of equal radius touch the surface from inside.
+        "rough_full": balls as for "rough", which then grow as for "smooth".
     source : object
         The mesh's file, for messages.
 
@@ -85,11 +86,12 @@ def pack(
     Raises
     ------
     InputError
-        If `count` or `surface` is not an allowed value, or if "fewest" finds no number
-        of spheres that represents the mesh.
+        If `count` or `surface` is not an allowed value, or if no number of spheres is
+        enough for "fewest".
     """
     is_number = isinstance(count, int) and 1 <= count <= MOST_SPHERES
     if not is_number and count != FEWEST:
+        # The message names the key `spheres` of the configuration.
         allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
         raise InputError(source, "spheres", count, allowed)
     if surface not in SURFACES:
@@ -103,6 +105,7 @@ def pack(
 
     # Measure how far points on the surface of the mesh are from that of the union.
     gaps = compute_union_distances(spheres, packer.surface_points)
+    # Round to nanometres, because further digits depend on rounding errors.
     return Packing(
         spheres_m=np.round(spheres * MM, 9),
         volume_m3=compute_union_volume(spheres, packer.box) * MM**3,
@@ -148,9 +151,12 @@ class _SpherePacker:
         return spheres
 
     def pack_fewest(self, source: object) -> np.ndarray:
-        """Find the fewest spheres with nearly the volume and shortest axis of the mesh.
+        """Find the fewest spheres whose union nearly has the size of the mesh.
 
-        The numbers from `LOWEST_COUNT` to `HIGHEST_COUNT` are tried in ascending order.
+        Its volume and its extent along the shortest axis must be within the tolerances.
+        The numbers of spheres from `LOWEST_COUNT` to `HIGHEST_COUNT` are tried in
+        ascending order. The spheres of the result have been enlarged already, unless
+        the surface is "rough".
 
         Parameters
         ----------
@@ -165,11 +171,12 @@ class _SpherePacker:
         Raises
         ------
         InputError
-            If none of these numbers is sufficient.
+            If none of these numbers of spheres is enough.
         """
         for count in range(LOWEST_COUNT, HIGHEST_COUNT + 1):
             spheres = self.place_spheres(count)
-            # A smooth packing may have no room for more spheres.
+            # In a smooth packing, there may be no room for that many spheres. Then
+            # larger numbers need not be tried.
             if len(spheres) < count:
                 break
             grown = self._grow_within_tolerances(spheres)
@@ -183,10 +190,11 @@ class _SpherePacker:
         raise InputError(source, "spheres", FEWEST, allowed)
 
     def _grow_within_tolerances(self, spheres: np.ndarray) -> np.ndarray | None:
-        """Let spheres grow until their union has the volume of the mesh.
+        """Enlarge spheres to the volume of the mesh, and check the result.
 
-        They stop growing earlier if the union would become too thick along the shortest
-        axis of the mesh. If the surface is "rough", the spheres are only checked.
+        They are enlarged less if their union would become too thick along the shortest
+        axis of the mesh. If the surface is "rough", nothing is enlarged, and the given
+        spheres are checked.
 
         Parameters
         ----------
@@ -196,7 +204,7 @@ class _SpherePacker:
         Returns
         -------
         ndarray or None
-            The grown spheres; None if the volume of their union, or its extent along
+            The enlarged spheres; None if the volume of their union, or its extent along
             the shortest axis, is outside the tolerances.
         """
         mesh_extents = np.ptp(self.box, axis=0)
@@ -210,8 +218,9 @@ class _SpherePacker:
         largest_extent = (1 + SHORTEST_AXIS_TOLERANCE) * shortest_extent
         largest_growth = (largest_extent - _measure_extent(spheres, shortest_axis)) / 2
 
-        # Use few points first, which is much faster and is enough to refuse most
-        # packings.
+        # Estimate the volume with few points first. This is much faster and is enough
+        # to reject most packings. The second pass uses all points, and its spheres are
+        # the result.
         for n_points, tolerance in (
             (N_VOLUME_POINTS // SCREENING_REDUCTION, SCREENING_TOLERANCE),
             (N_VOLUME_POINTS, VOLUME_TOLERANCE),
@@ -224,7 +233,8 @@ class _SpherePacker:
             if abs(volume / mesh_volume - 1) > tolerance:
                 return None
 
-        # If the growth was limited, the extent equals its limit up to rounding errors.
+        # If the growth was limited, the extent is exactly at its limit. The 1e-9 allows
+        # for rounding errors.
         extent = _measure_extent(grown_spheres, shortest_axis)
         if abs(extent / shortest_extent - 1) > SHORTEST_AXIS_TOLERANCE + 1e-9:
             return None
@@ -243,7 +253,8 @@ def sample_surface(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distribute points evenly over the surface of a mesh.
 
-    The points are the same in each call.
+    The points are the same in each call. All faces get points in proportion to their
+    area.
 
     Parameters
     ----------
@@ -255,14 +266,15 @@ def sample_surface(
     Returns
     -------
     points : ndarray
-        The points (count, 3).
+        The points, an array (count, 3).
     normals : ndarray
-        The outward normals (count, 3) of the surface at these points.
+        The outward normals of the surface at these points, an array (count, 3).
     """
     # The Halton sequence gives evenly spread numbers (count, 3) between 0 and 1. Skip
     # its first row, which is three zeros.
     numbers = qmc.Halton(3, scramble=False).random(count + 1)[1:]
-    # The first number chooses the face, in proportion to its area.
+    # The first number chooses the face, in proportion to its area. Because of rounding
+    # errors, the search could return one face too many, so limit the index.
     cumulated_areas = np.cumsum(mesh.area_faces)
     chosen_faces = np.searchsorted(cumulated_areas, numbers[:, 0] * cumulated_areas[-1])
     faces = np.minimum(chosen_faces, len(cumulated_areas) - 1)
@@ -278,14 +290,17 @@ def sample_surface(
 def _find_candidate_balls(
     mesh: trimesh.Trimesh, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find the largest inscribed ball around each point of a grid inside a mesh.
+    """Find the largest ball inside a mesh around each point of a grid.
+
+    Only points inside the mesh get a ball. The mesh must be nearly convex, because
+    distances are measured from its convex hull.
 
     Parameters
     ----------
     mesh : Trimesh
         The mesh, nearly convex, with its centre at the origin.
     points : ndarray
-        Points (P, 3) on the surface of the mesh.
+        Points (P, 3) on the surface of the mesh, close to each other.
 
     Returns
     -------
@@ -294,7 +309,8 @@ def _find_candidate_balls(
     radii : ndarray
         Radii (N,) of the balls.
     """
-    # The origin is a point of the grid. About N_CANDIDATES points lie inside the mesh.
+    # Make a grid of points in the box around the mesh, one of which is the origin.
+    # About `N_CANDIDATES` points lie inside the mesh.
     spacing = np.cbrt(mesh.volume / N_CANDIDATES)
     lowest = mesh.vertices.min(axis=0) / spacing
     highest = mesh.vertices.max(axis=0) / spacing
@@ -304,9 +320,9 @@ def _find_candidate_balls(
     ]
     grid = np.stack(np.meshgrid(*coordinates, indexing="ij"), axis=-1).reshape(-1, 3)
 
-    # The depth of a point is its distance below the nearest face of the convex hull.
-    # Process the points in chunks. An array of all points times all faces of a scan
-    # would take gigabytes.
+    # The depth of a point is its distance below the nearest face of the convex hull. It
+    # is negative outside the hull. Process the points in chunks, because an array of
+    # all points times all faces of a scan would take gigabytes.
     hull = mesh.convex_hull
     # Distances of the planes of the faces from the origin, along their normals
     plane_distances = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
@@ -319,7 +335,8 @@ def _find_candidate_balls(
     is_inside = depths > 0
     centres = grid[is_inside]
 
-    # In a dent, the surface of the mesh is nearer than the hull.
+    # In a dent, the surface of the mesh is nearer than the hull. The distance from the
+    # surface points limits the radii there.
     surface_distances, _ = cKDTree(points).query(centres)
     return centres, np.minimum(depths[is_inside], surface_distances)
 
@@ -412,6 +429,7 @@ def _find_growth(
     low = box[0] - margin
     high = box[1] + margin
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
+    # An array of all points times all spheres would take much memory.
     chunk_distances = [
         compute_union_distances(spheres, chunk)
         for chunk in np.array_split(points, N_CHUNKS)

@@ -48,7 +48,11 @@ def recognise_ellipsoid(
     directions: np.ndarray,
     support_values: np.ndarray,
 ) -> np.ndarray | None:
-    """Find the ellipsoid on which all vertices of a mesh lie, if there is one.
+    """Find out whether a mesh is an ellipsoid, and compute its half axes.
+
+    All vertices must lie on the ellipsoid up to rounding errors, and the facets between
+    them must be close to its surface. A support value is the extent of the mesh from
+    its centre in one direction.
 
     Parameters
     ----------
@@ -65,7 +69,9 @@ def recognise_ellipsoid(
     Returns
     -------
     ndarray or None
-        The half axes (1, 3), the longest first; None if there is no such ellipsoid.
+        The half axes (1, 3) of the ellipsoid, the longest first. None if the mesh is
+        not an ellipsoid. The first axis of the array stands for the number of
+        ellipsoids, as in `fit_components`.
     """
     # Fit a quadric x'Ax + b'x = 1 to the points. It is an ellipsoid if A is positive
     # definite.
@@ -84,13 +90,16 @@ def recognise_ellipsoid(
     eigenvalues, axes = np.linalg.eigh(centred_matrix)
     relative_axes = 1 / np.sqrt(eigenvalues)
 
-    # Map the ellipsoid to the unit sphere. All vertices must lie on this sphere.
+    # Map the ellipsoid to the unit sphere, on which all vertices must lie. A distance
+    # from the sphere, times the longest half axis, is the largest distance from the
+    # ellipsoid that it can stand for. The tolerance only allows for rounding.
     sphere_points = (points - centre) @ axes / relative_axes
     heights = np.linalg.norm(sphere_points, axis=1) - 1
     if np.abs(heights).max() * relative_axes.max() > ELLIPSOID_TOLERANCE:
         return None
 
-    # The facets of the mesh must cut only thin slices off the ellipsoid.
+    # The facets of a coarse mesh cut slices off the ellipsoid. Only thin slices are
+    # allowed, so this tolerance is much larger.
     semi_axes = radius * relative_axes[None]
     deviations = support(semi_axes, directions) - support_values
     if np.abs(deviations).max() > DEEPEST_CUT * radius:
@@ -140,10 +149,11 @@ def fit_components(
     radius: float,
     counts: Sequence[int] = COMPONENT_COUNTS,
 ) -> np.ndarray:
-    """Fit a sum of co-axial ellipsoids to the support values of a body.
+    """Fit a sum of ellipsoids with common axes to the support values of a body.
 
-    The numbers in `counts` are tried in turn until a fit is good enough. If none is,
-    the best fit is returned.
+    A support value is the extent of the body from its centre in one direction. The
+    numbers of ellipsoids in `counts` are tried in turn until a fit is good enough. If
+    none is, the best fit is returned.
 
     Parameters
     ----------
@@ -159,12 +169,15 @@ def fit_components(
     Returns
     -------
     ndarray
-        The half axes (K, 3), the longest first.
+        The half axes (K, 3) of the ellipsoids. The ellipsoid that is longest along x
+        comes first.
     """
     semi_axes = np.zeros((0, 3))
     rms = math.inf
-    # The support values in the directions nearest to the three axes
+    # Approximate half extents of the body: the support values in the directions nearest
+    # to the three axes
     half_extents = support_values[np.argmax(directions, axis=0)]
+    # `GOOD_DEVIATION` is a fraction of the smallest full extent.
     allowed_deviation = GOOD_DEVIATION * 2 * half_extents.min()
     for count in counts:
         fits = [
@@ -177,12 +190,14 @@ def fit_components(
         if best_fit.rms < LARGEST_RMS_RATIO * rms:
             semi_axes = best_fit.semi_axes
             rms = best_fit.rms
+        # The fit is good enough if its root mean square deviation is small.
         if rms <= GOOD_RMS * radius:
             break
         if count == 1:
             continue
-        # The fit is also good enough if a second fit can make its largest deviation
-        # small enough. This is not tried for a single ellipsoid.
+        # It is also good enough if a second fit, which begins with the best half axes
+        # so far, can make its largest deviation small enough. This is not tried for a
+        # single ellipsoid. If the second fit fails, its half axes are dropped.
         changed_axes = _reduce_largest_deviation(
             directions, support_values, radius, semi_axes
         )
@@ -190,6 +205,7 @@ def fit_components(
         if np.abs(deviations).max() <= allowed_deviation:
             semi_axes = changed_axes
             break
+    # Sort by the first half axis, in descending order.
     order = np.argsort(-semi_axes[:, 0], kind="stable")
     return semi_axes[order]
 
@@ -203,8 +219,8 @@ def _reduce_largest_deviation(
     """Change the half axes of a fit so that its largest deviation becomes smaller.
 
     A second fit minimises the sum of the sixth powers of the deviations, in which the
-    largest deviations count most. In return, the root mean square of the deviations
-    becomes larger.
+    largest deviations count most. The root mean square of the deviations becomes
+    larger.
 
     Parameters
     ----------
@@ -213,7 +229,8 @@ def _reduce_largest_deviation(
     support_values : ndarray
         Support values (N,) of the body in these directions.
     radius : float
-        Mean radius of the body.
+        Mean radius of the body. The limits of the half axes (`AXIS_BOUNDS`) are given
+        in mean radii.
     semi_axes : ndarray
         Half axes (K, 3) of the fit.
 
@@ -247,10 +264,11 @@ def _reduce_largest_deviation(
 def _make_starts(
     count: int, half_extents: np.ndarray, radius: float
 ) -> list[np.ndarray]:
-    """Make the half axes from which fits with a given number of ellipsoids begin.
+    """Make the half axes with which fits of a given number of ellipsoids begin.
 
-    Each start divides the half extents of the body among the ellipsoids in a different
-    way. The starts are the same in each call.
+    A fit may end in a poor local minimum, so it is repeated with several starts. Each
+    start divides the half extents of the body among the ellipsoids in a different way.
+    The starts are the same in each call.
 
     Parameters
     ----------
@@ -259,13 +277,15 @@ def _make_starts(
     half_extents : ndarray
         Half extents (3,) of the body along its axes.
     radius : float
-        Mean radius of the body.
+        Mean radius of the body, in the unit of the half extents. It sets the limits of
+        the half axes.
 
     Returns
     -------
     list of ndarray
         Half axes (count, 3) of each start.
     """
+    # A single ellipsoid has the extents of the body, which lie far within the bounds.
     if count == 1:
         return [half_extents[None]]
     # A division (count, 3) is the fraction of each ellipsoid in each half extent. The
@@ -274,9 +294,10 @@ def _make_starts(
     divisions = [
         rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(N_RANDOM_STARTS)
     ]
-    # In the other divisions the first ellipsoid is a needle along one axis, and the
-    # last one gets most of the rest. These starts lead to good fits of bodies that are
-    # blunter or more pointed than an ellipsoid.
+    # In the other divisions the first ellipsoid is a needle: it gets 0.7 of one half
+    # extent, but 0.1 of the others. The last ellipsoid gets what the others leave.
+    # These starts lead to good fits of bodies that are blunter or more pointed than an
+    # ellipsoid.
     for axis in range(3):
         shares = np.full((count, 3), 0.1)
         shares[0, axis] = 0.7
@@ -296,8 +317,9 @@ def _fit_by_least_squares(
 ) -> _Fit:
     """Fit the half axes of ellipsoids to the support values of a body.
 
-    The unknowns are logarithms of the half axes over the mean radius, which keeps the
-    axes positive.
+    The unknowns are logarithms of the half axes divided by the mean radius, which keeps
+    the axes positive. All lengths inside the fit, such as `relative_values`, are
+    divided by the mean radius, too.
 
     Parameters
     ----------
@@ -344,6 +366,7 @@ def _fit_by_least_squares(
         bounds=(lower, upper),
         max_nfev=MAX_EVALUATIONS,
     )
+    # Convert the relative lengths back to the unit of the support values.
     rms = radius * math.sqrt(np.mean(fit.fun**2))
     return _Fit(radius * compute_axes(fit.x), rms)
 
@@ -353,8 +376,9 @@ def _make_quadrature(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Make directions and weights for integrals over the solid angle.
 
-    The integrand must be an even function of x, y and z. Therefore the directions fill
-    only one octant, and the weights account for all eight. The directions lie on rings
+    The integral of a function is the sum of its values in these directions, times the
+    weights. The function must be even in x, y and z. Therefore the directions fill only
+    one octant, and the weights account for all eight. The directions lie on rings
     around the x axis. The positions of the rings along x are the nodes of a
     Gauss-Legendre rule, and the directions on a ring are equally spaced.
 
@@ -382,7 +406,8 @@ def _make_quadrature(
     z = ring_radii * np.sin(azimuths)
     ring_x = np.broadcast_to(x[:, None], y.shape)
     directions = np.stack([ring_x, y, z], axis=-1).reshape(-1, 3)
-    # All directions of a ring have the same weight.
+    # All directions of a ring have the same weight. The weights `x_weights` add up to
+    # 1, and the solid angle to 4 pi.
     ring_weights = x_weights * 4 * math.pi / n_longitudes
     return directions, np.repeat(ring_weights, n_longitudes)
 
@@ -390,25 +415,33 @@ def _make_quadrature(
 def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
     """Compute the volume and the second moments of a sum of ellipsoids.
 
+    The second moments are the integrals of x^2, y^2 and z^2 over the body.
+
     Parameters
     ----------
     semi_axes : ndarray
-        Half axes (K, 3) of the ellipsoids in m.
+        Half axes (K, 3) of the ellipsoids in m. All ellipsoids have their axes along x,
+        y and z, and the sum is their Minkowski sum.
 
     Returns
     -------
     tuple
-        The volume [m3], and the integrals (3,) of x^2, y^2 and z^2 over the body [m5].
+        The volume [m3], and the second moments (3,) [m5].
 
     Notes
     -----
-    The surface point with the normal n is x(n) = grad h, with the support function h.
-    An element of the surface has the area det Q dOmega, where Q = grad grad h on the
-    tangent plane. The body is the union of the cones from its centre to these elements.
-    So the volume is 1/3 int h det Q dOmega, and the integral of x_i^2 is 1/5 int x_i^2
-    h det Q dOmega.
+    The support function h(n) is the extent of the body along the direction n. The
+    surface point with the normal n is x(n) = grad h. The matrix Q is that of the second
+    derivatives of h; it maps a change of n to the change of x. Therefore an element
+    dOmega of the solid angle belongs to an element of the surface with the area det Q
+    dOmega, where the determinant is taken on the tangent plane.
+
+    The body consists of the cones from its centre to these elements. Such a cone has
+    the height h. So the volume is 1/3 int h det Q dOmega, and the integral of x_i^2 is
+    1/5 int x_i^2 h det Q dOmega.
     """
-    # A single ellipsoid has the exact volume 4/3 pi a b c.
+    # A single ellipsoid has the exact volume 4/3 pi a b c, and the exact second moments
+    # V a^2 / 5, V b^2 / 5 and V c^2 / 5.
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
         return volume, volume / 5 * np.square(semi_axes[0])
@@ -427,7 +460,8 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
     trace = np.einsum("nii->n", q)
     trace_of_square = np.einsum("nij,nji->n", q, q)
     determinant = (trace**2 - trace_of_square) / 2
-    # The integrand h det Q dOmega in each direction
+    # The integrand h det Q, times the weight dOmega of each direction. The support
+    # values and the surface points of the body are sums over its ellipsoids.
     integrands = values.sum(axis=1) * determinant * weights
     volume = float(integrands.sum() / 3)
     second_moments = integrands @ np.square(points.sum(axis=1)) / 5
@@ -435,9 +469,10 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def bounding_radius(semi_axes: np.ndarray) -> float:
-    """Compute the distance of the farthest surface point of a body from its centre.
+    """Compute the distance of the farthest point of a body from its centre.
 
-    This distance is the maximum of the support function h.
+    This distance is the maximum of the support function h, the extent of the body as a
+    function of the direction.
 
     Parameters
     ----------
@@ -449,12 +484,14 @@ def bounding_radius(semi_axes: np.ndarray) -> float:
     float
         The distance, in the unit of the half axes.
     """
-    # Begin with the directions in which the support values are largest.
+    # Begin with the 50 directions of largest support values among the axes and 1000
+    # directions that cover the sphere. The maximum lies near one of them.
     trial_directions = np.concatenate([np.eye(3), sphere_directions(1000)])
     order = np.argsort(-support(semi_axes, trial_directions))
     directions = trial_directions[order[:50]]
     # Repeatedly replace each direction by that of its support point. Because h is
-    # convex and homogeneous, its value never decreases in such a step.
+    # convex and homogeneous, its value never decreases in such a step. In 200 steps it
+    # converges.
     for _ in range(200):
         points = support_point(semi_axes, directions)
         directions = points / np.linalg.norm(points, axis=1, keepdims=True)
