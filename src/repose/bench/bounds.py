@@ -105,7 +105,7 @@ class Bounded:
             The difference between the largest height and the smallest one.
         """
         lower_corner = self.simulation.lower.copy()
-        # Grains may fall below the box, to the height at which they vanish.
+        # Grains may fall below the box, to the height at which they are removed.
         floor_z = float(self.simulation.physics.floor_height)
         if math.isfinite(floor_z):
             lower_corner[2] = min(lower_corner[2], floor_z)

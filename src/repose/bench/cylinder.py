@@ -365,7 +365,7 @@ def _compute_flight_s(gravity_m_s2: float, height_m: float) -> float:
 
 @dataclass(frozen=True)
 class Filling(Outcome):
-    """The grains in a filled cylinder, by which its run is judged."""
+    """The grains in a filled cylinder, by which its run is accepted or rejected."""
 
     centres_m: np.ndarray  # (N, 3)
     energy_j: float  # mean kinetic energy of a grain
@@ -374,7 +374,7 @@ class Filling(Outcome):
 
 
 def _describe_filling(trial: Trial) -> Filling:
-    """Copy the present state of the grains by which a run is judged."""
+    """Copy the state of the grains by which a run is accepted or rejected."""
     return Filling(
         centres_m=trial.simulation.positions.copy(),
         energy_j=trial.energy_j(),

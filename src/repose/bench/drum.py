@@ -471,7 +471,8 @@ def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) ->
     """Set the angular velocity of the shell and the caps about the axis of the drum.
 
     The simulation is changed in place. From then on, rolling resistance opposes the
-    rotation relative to the drum. A positive velocity turns the drum about -y.
+    rotation relative to the drum. A positive velocity turns the drum about -y, and 0
+    stops it.
     """
     angular_velocity = (0.0, -angular_velocity_rad_s, 0.0)
     for wall in WALLS:
@@ -1031,8 +1032,10 @@ class DrumTest(RotatingDrum[DrumSettings]):
         ----------
         states : sequence of str
             The states, among `STATES`.
-        arrays, scene
-            See `measure_with_profile`.
+        arrays : mapping
+            The arrays of the run by name, as `run` returns them.
+        scene : Scene
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------
@@ -1114,8 +1117,12 @@ class DrumTest(RotatingDrum[DrumSettings]):
 
         Parameters
         ----------
-        record, arrays, scene
-            See `measure_with_profile`.
+        record : mapping
+            The record of the run.
+        arrays : mapping
+            The arrays of the run by name, as `run` returns them.
+        scene : Scene
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------

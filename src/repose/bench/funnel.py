@@ -254,7 +254,7 @@ class FunnelSettings(Hopper):
 
 @dataclass(frozen=True)
 class Pour(Outcome):
-    """The final state of a pour of N grains, and the numbers by which it is judged.
+    """The final state of a pour of N grains, by which it is accepted or rejected.
 
     Attributes
     ----------
@@ -710,12 +710,16 @@ class FunnelTest(BenchTest[FunnelSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Pour once and judge the pour.
+        """Pour once, and check the pour before its pile is measured.
 
         Parameters
         ----------
-        scene, interval_s, progress
-            See `pour`.
+        scene : Scene
+            Settings, parameters, grain and seed of the run.
+        interval_s : float, optional
+            Simulated time between the frames of a film; without it none are recorded.
+        progress : function, optional
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------

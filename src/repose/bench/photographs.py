@@ -602,8 +602,8 @@ def _redraw_rectangle(
     """
     if min(size_px) < SMALLEST_SIDE_PX:
         raise NoFlankError(
-            f"it is {min(size_px):.0f} pixels wide in the picture; {SMALLEST_SIDE_PX} "
-            "are needed"
+            f"the drum or the chamber is only {min(size_px):.0f} pixels wide or high in "
+            f"the picture; {SMALLEST_SIDE_PX} are needed"
         )
     scale = min(1.0, LONGEST_SIDE_PX / max(size_px))
     width, height = (round(scale * length) for length in size_px)

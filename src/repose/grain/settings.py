@@ -92,7 +92,7 @@ class GrainSettings(Section):
     def _require_measured(
         cls, value: float | None, info: ValidationInfo
     ) -> float | None:
-        """Refuse a missing modulus if there are no compression tests either."""
+        """Reject a missing modulus if there are no compression tests either."""
         # A path that failed its own check is not in `info.data`.
         compression = info.data.get("compression", "invalid")
         if value is None and compression is None:

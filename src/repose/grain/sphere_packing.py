@@ -20,7 +20,7 @@ HIGHEST_COUNT = 60
 VOLUME_TOLERANCE = 0.02
 SHORTEST_AXIS_TOLERANCE = 0.03
 # A volume is quick to estimate if the number of points is divided by
-# `SCREENING_REDUCTION`. The estimate is accurate enough to refuse a packing whose
+# `SCREENING_REDUCTION`. The estimate is accurate enough to reject a packing whose
 # volume differs by more than `SCREENING_TOLERANCE`.
 SCREENING_TOLERANCE = 0.03
 SCREENING_REDUCTION = 16
