@@ -77,7 +77,7 @@ def refused_by_check(config, particle, berry):
         * (1 + berry["poisson_ratio"])
     }
     return [
-        key for key, _ in validation.find_time_step_faults(config, particle, berry)
+        key for key, _ in validation.find_time_step_problems(config, particle, berry)
     ] == ["simulation.time_step_s"]
 
 

@@ -406,7 +406,7 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
         "repetitions": piles,
     }
     lines = list(
-        check.warn_of_few_measurements(
+        check.warn_about_few_measurements(
             SimpleNamespace(
                 settings=SimpleNamespace(targets=[SimpleNamespace(**target)])
             )

@@ -21,7 +21,7 @@ GRAIN_M3 = math.pi / 6 * 4e-3**3
 
 def pours_of(config):
     settings = make_settings(config)
-    return cost.list_strategy_pours(settings, settings.strategy)
+    return cost.list_strategy_runs(settings, settings.strategy)
 
 
 @pytest.fixture
@@ -51,10 +51,10 @@ def test_the_sinking_is_that_of_a_column_and_the_pile_the_cone_of_its_angle(conf
     assert found.sinking == pytest.approx(column(1e6, 0.03, 9.81, 2000), rel=1e-4)
     softest = advice.compute_softening(
         config, SPHERE | {"shear_modulus_pa": 7.7e7}
-    ).softest_pa
+    ).softest_modulus_pa
     assert softest < 7.7e7
     again = advice.compute_softening(config, SPHERE | {"shear_modulus_pa": softest})
-    assert again.sinking == pytest.approx(advice.LARGEST_SINKING)
+    assert again.sinking == pytest.approx(advice.MAX_SINKING)
     config["targets"] = [target("aor_deg", 30.0)]
     height = advice.estimate_pile_height_m(config, SPHERE)
     assert (
@@ -113,7 +113,7 @@ def test_a_height_alone_asks_for_a_slope(config):
 
 def test_sentences_tell_what_a_softer_grain_brings(config):
     berry = SPHERE | {"shear_modulus_pa": 7.7e7}
-    softest = advice.compute_softening(config, berry).softest_pa
+    softest = advice.compute_softening(config, berry).softest_modulus_pa
     moduli = []
 
     def longest_step_s(other):
@@ -121,7 +121,7 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
         return 2.0 * config["simulation"]["time_step_s"]
 
     grain = SimpleNamespace(volume_m3=GRAIN_M3)
-    stiffness, volume, grains, smaller, *_ = advice.give_funnel_hints(
+    stiffness, volume, grains, smaller, *_ = advice.give_funnel_advice(
         config, berry, grain, longest_step_s
     )
     assert moduli == [softest]
@@ -171,8 +171,8 @@ def test_each_strategy_has_its_own_pours(config):
         ("check", 8, 3),
     )
     work = cost.estimate_work(config, 1e-7, pours)
-    expected = 48 * cost.JOB_START_S + 144 * work["pour_s"]
-    assert work["total_s"] == pytest.approx(expected)
+    expected = 48 * cost.JOB_START_S + 144 * work.funnel_run_s
+    assert work.total_s == pytest.approx(expected)
     config["strategy"] = "sequential"
     config["sequential"] |= {"most_pours": 120, "seeds": 3}
     assert pours_of(config) == (("at most", 40, 3), ("check", 1, 16))
@@ -186,8 +186,8 @@ def test_each_strategy_has_its_own_pours(config):
         "representative_seeds": 16,
     }
     work = cost.estimate_work(config, 1e-7)
-    expected = cost.OTHER_WORK_S + 32 * cost.JOB_START_S + 144 * work["pour_s"]
-    assert work["total_s"] == pytest.approx(expected)
+    expected = cost.OTHER_WORK_S + 32 * cost.JOB_START_S + 144 * work.funnel_run_s
+    assert work.total_s == pytest.approx(expected)
 
 
 def test_the_longest_job_is_that_of_the_slowest_bench_test(config):
@@ -213,17 +213,16 @@ def test_time_goes_with_the_steps_and_the_bench_tests(config):
     config["simulation"]["time_step_s"] = 2.5e-4
     work = cost.estimate_work(config)
     solutions = (("answer", 1, 64), ("other solutions", 5, 12))
-    assert work["pours"] == (("design", 150, 6), *solutions)
+    assert work.runs == (("design", 150, 6), *solutions)
     config["simulation"]["time_step_s"] /= 2
     # seven sets
     assert cost.describe_costs(config)["published_sets"].startswith("84 pours")
-    assert cost.estimate_work(config)["total_s"] > 1.65 * work["total_s"]
+    assert cost.estimate_work(config).total_s > 1.65 * work.total_s
     config["simulation"]["time_step_s"] *= 2
     config["targets"].append(shared.target("drum_slip_deg", 40, 1, 35, 45))
     runs = (150 + 1 + 5) * config["drum"]["seeds"]
-    assert cost.estimate_work(config)["total_s"] > work[
-        "total_s"
-    ] + runs * cost.estimate_run_s(config, "drum")
+    expected_s = work.total_s + runs * cost.estimate_run_s(config, "drum")
+    assert cost.estimate_work(config).total_s > expected_s
 
 
 @pytest.mark.parametrize(

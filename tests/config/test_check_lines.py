@@ -69,7 +69,7 @@ def test_a_shipped_configuration_gets_no_warning_in_short_lines(path, monkeypatc
     is_crop = path.parent.parent.name == "crops"
     monkeypatch.chdir(path.parent if is_crop else ROOT)
     study = PipelineConfig.load(str(path), check_inputs=True)
-    lines = [*check.describe_study(study), *check.warn_of_few_measurements(study)]
+    lines = [*check.describe_study(study), *check.warn_about_few_measurements(study)]
     assert [line for line in lines if "WARNING" in line] == []
     # Keys to paste into a configuration have more digits.
     for_people = [line for line in lines if ": {" not in line]
@@ -100,19 +100,19 @@ def test_a_target_is_warned_of_beyond_half_the_spread_of_the_trials(target, is_w
         targets=[SimpleNamespace(name="aor_deg", value=target, response="angle")],
     )
     test = SimpleNamespace(name="funnel", target_responses=lambda config: {"angle"})
-    lines = list(check._warn_of_trials(study, test, runs))
+    lines = list(check._warn_about_trials(study, test, runs))
     assert bool(lines) == is_warned
     for line in lines:
         assert line.startswith(f"aor_deg: WARNING: the target {target} is far outside")
     failed = [{"status": "not_at_rest"}]
-    (line,) = check._warn_of_trials(study, test, failed)
+    (line,) = check._warn_about_trials(study, test, failed)
     assert line.startswith("funnel: WARNING: no trial run can be measured")
 
 
 @pytest.mark.parametrize(("spheres", "is_warned"), [(16, False), ("fewest", True)])
 def test_a_chosen_number_of_spheres_is_described_without_a_warning(spheres, is_warned):
     section = SimpleNamespace(particle="multisphere", spheres=spheres)
-    line = check._describe_volume(section, -29.2)
+    line = check._describe_volume_change(section, -29.2)
     assert "its volume differs by -29 % from that of the mesh" in line
     assert ("WARNING" in line) == is_warned
 
@@ -122,5 +122,5 @@ def test_a_bench_test_without_spread_warns_of_any_other_target():
     target = SimpleNamespace(name="aor_deg", value=30.1, response="angle")
     study = SimpleNamespace(config={}, targets=[target])
     test = SimpleNamespace(name="funnel", target_responses=lambda config: {"angle"})
-    assert len(list(check._warn_of_trials(study, test, runs))) == 1
+    assert len(list(check._warn_about_trials(study, test, runs))) == 1
     assert bench("funnel").name == test.name

@@ -154,7 +154,7 @@ def test_the_program_its_deck_and_its_runs_are_described(monkeypatch):
     assert program == "toy 1.0: python toy.py; the program is /bin/python"
     assert deck == "deck: deck.in, from deck.in.j2"
     assert responses == "responses: angle, from out.json"
-    assert run == "a run: cores 1, memory 1000 MB, at most 3600 s"
+    assert run == "resources of a run: cores 1, memory 1000 MB, at most 3600 s"
 
 
 PROGRAM_OF_SEEDS = """
@@ -299,8 +299,8 @@ def test_the_check_names_the_strategy_and_the_keys_that_are_not_read():
     assert list(describe_strategy(study, ["ours.yaml", "added.yaml"])) == [
         "strategy: published, surrogate gaussian_process",
         "keys: the strategy published does not read network.hidden, network.seed",
-        "keys: LAMMPS makes the runs, so these are not read: berry, funnel (but for "
-        "seeds); the program's own input must agree with them",
+        "keys: LAMMPS makes the runs, so these are not read: berry, funnel (except "
+        "seeds); make sure that the program's own input agrees with them",
     ]
     study = loaded(strategy="sequential")
     lines = list(describe_strategy(study, ["study.yaml"]))

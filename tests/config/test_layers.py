@@ -162,11 +162,11 @@ def test_an_example_of_a_bench_test_goes_over_the_default(path):
 
 
 def test_a_key_of_a_section_with_a_fault_is_not_used():
-    of_section = SimpleNamespace(faulty_keys={"funnel"})
-    of_key = SimpleNamespace(faulty_keys={"funnel.seeds"})
-    assert not ConfigChecks._is_key_faultless(of_section, "funnel.seeds")
-    assert not ConfigChecks._is_key_faultless(of_key, "funnel.seeds")
-    assert ConfigChecks._is_key_faultless(of_key, "funnel.berries")
+    of_section = SimpleNamespace(invalid_keys={"funnel"})
+    of_key = SimpleNamespace(invalid_keys={"funnel.seeds"})
+    assert not ConfigChecks._is_key_valid(of_section, "funnel.seeds")
+    assert not ConfigChecks._is_key_valid(of_key, "funnel.seeds")
+    assert ConfigChecks._is_key_valid(of_key, "funnel.berries")
 
 
 def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quick):
@@ -250,4 +250,4 @@ def test_values_of_snakemake_are_read_as_the_file_of_each_key_has_them(tmp_path)
 def test_texts_of_the_command_line_are_read_wherever_they_stand():
     texts = {"seed": "7", "ranges": ["0.2", ("1e-3", "true")], "empty": " ", "two": 2}
     values = {"seed": 7, "ranges": [0.2, [1e-3, True]], "empty": " ", "two": 2}
-    assert loader._parse_texts(texts) == values
+    assert loader._parse_strings(texts) == values

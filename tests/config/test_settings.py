@@ -624,7 +624,7 @@ def test_a_study_and_a_configuration_can_be_handed_to_another_process():
 
 def test_a_study_of_another_simulator_is_told_as_such_and_nothing_else_of_it():
     foreign = {"simulator": "EDEM", "parameters": {"mus": [0.1, 0.9]}}
-    message = r"^own.yaml: simulator is 'EDEM'; expected a study of our own simulator"
+    message = r"^own.yaml: simulator is 'EDEM'; expected a study without this section"
     input_error(message, PipelineConfig.of, foreign, "own.yaml")
 
 

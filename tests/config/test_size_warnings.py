@@ -224,7 +224,7 @@ def test_a_wide_spread_names_what_is_poured_and_the_volume_that_is_lost(study):
     ]
     for update, expected in cases:
         section = plain.model_copy(update=update)
-        said = check._describe_spread(section, spread=0.3, lost_share=0.12)
+        said = check._describe_spread(section, relative_sd=0.3, lost_fraction=0.12)
         assert said == spread + expected
 
 

@@ -440,7 +440,7 @@ def poured(number, default, mean, particles, seen):
     mus_gp = parameters["mus_gp"]
     entries["parameters"]["mus_gp"] = [mus_gp, mus_gp + 0.01]
     entries["validation"] = config["validation"] | {"published": None}
-    faults += validation.find_time_step_faults(config | entries, particle, berry)
+    faults += validation.find_time_step_problems(config | entries, particle, berry)
     if faults:
         return row | {
             "status": "refused",

@@ -60,7 +60,7 @@ def test_a_run_tells_the_processor_time_of_all_its_processes_and_keeps_that_of_e
     expected = [call.took_s for call in done]
     assert calls["wall_s"].tolist()[-2:] == pytest.approx(expected, rel=0.1, abs=1.5)
     sums = [f"{calls[column].sum() / 60:.1f} min" for column in ("wall_s", "cpu_s")]
-    line = f"; all {len(calls)} calls: {sums[0]} by the clock, {sums[1]} of processor time ("
+    line = f"; all {len(calls)} runs: {sums[0]} by the clock, {sums[1]} of processor time ("
     assert line in done[-1].stderr.splitlines()[-1]
 
 

@@ -23,7 +23,7 @@ from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
     from repose.calibrate.strategies.plan import Plan
-    from repose.config.cost import Pours
+    from repose.config.cost import PlannedRuns
     from repose.stages.settings import SimulatorSettings
 
 UPDATE_INTERVAL_S = 1.0
@@ -122,7 +122,7 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     # Describe the study, and make trial runs.
     _print_computed_settings(args.config, study)
     _print_lines(check_lines.describe_study(study))
-    _print_lines(check_lines.warn_of_few_measurements(study))
+    _print_lines(check_lines.warn_about_few_measurements(study))
     grain_step_s = _measure_grain_step_s(study)
     _print_lines(check_lines.run_trials(study, grain_step_s, show_elapsed_seconds))
     _print_cost(study, grain_step_s, args.cores)
@@ -142,12 +142,12 @@ def _print_cost(study: PipelineConfig, grain_step_s: float, n_cores: int) -> Non
     """
     from repose.config import cost
 
-    pours = cost.list_strategy_pours(study.settings, study.settings.strategy)
-    work = cost.estimate_work(study.config, grain_step_s, pours)
-    _print_pours(work["pours"])
-    minutes = work["total_s"] / n_cores / 60
+    runs = cost.list_strategy_runs(study.settings, study.settings.strategy)
+    work = cost.estimate_work(study.config, grain_step_s, runs)
+    _print_runs(work.runs)
+    minutes = work.total_s / n_cores / 60
     print(
-        f"about {format_significant(work['pour_s'], 2)} s per pour, and "
+        f"about {format_significant(work.funnel_run_s, 2)} s per pour, and "
         f"{format_significant(minutes, 2)} min on {n_cores} cores for the study, at the "
         "present speed of this machine"
     )
@@ -172,9 +172,9 @@ def _print_external_study(
 
     _print_lines(external_check.describe_program(study, simulator))
     _print_lines(external_check.describe_strategy(study, args.config))
-    _print_lines(check.warn_of_few_measurements(study))
+    _print_lines(check.warn_about_few_measurements(study))
     runs = external_check.list_runs(study.settings)
-    _print_pours(runs)
+    _print_runs(runs)
 
     # The time of a run is unknown, but it has a limit.
     n_runs = cost.count_runs(runs)
@@ -216,16 +216,16 @@ def _print_lines(lines: Iterable[str]) -> None:
         print(line)
 
 
-def _print_pours(pours: "Pours") -> None:
+def _print_runs(runs: "PlannedRuns") -> None:
     """Print a table of the runs of a study.
 
     Parameters
     ----------
-    pours : sequence of (str, int, int)
+    runs : sequence of (str, int, int)
         Purpose, number of parameter sets, and seeds of each set.
     """
     print(f"{'stage':>15} {'parameter sets':>15} {'runs each':>10} {'runs':>6}")
-    for purpose, n_sets, n_seeds in pours:
+    for purpose, n_sets, n_seeds in runs:
         print(f"{purpose:>15} {n_sets:>15} {n_seeds:>10} {n_sets * n_seeds:>6}")
 
 
@@ -274,7 +274,7 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     # The time of a run of another program is unknown.
     if study.simulator is not None:
-        _print_pours(external_check.list_runs(study.settings))
+        _print_runs(external_check.list_runs(study.settings))
         print("time: `repose check --try` makes one run, and estimates that of all")
         return
 

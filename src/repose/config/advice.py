@@ -17,11 +17,12 @@ from repose.config.computed import Grain, compute_diameter_mm
 from repose.dem.laws import ROLLING_LAWS
 from repose.grain.particle import Particle
 
-# Share of its Height by which a pile of soft grains may sink. This is far less than the
+# A pile sinks under its own weight, because its grains press into each other. Fraction
+# of its height by which a pile of soft grains may sink. This is far less than the
 # scatter of piles.
-LARGEST_SINKING = 0.005
-# Piles of real grains sink by a smaller fraction than this. The softest pile that we
-# know, of fresh goji berries, sinks by 0.023.
+MAX_SINKING = 0.005
+# Piles of real grains sink by a smaller fraction of their height. The softest pile that
+# we know, of fresh goji berries, sinks by 0.023.
 SUSPICIOUS_SINKING = 0.05
 # Smallest and largest slope of poured grains. If a cone of all grains that is as high
 # as the target has a slope outside these limits, the number of grains is wrong.
@@ -47,18 +48,18 @@ class PileTargets(NamedTuple):
 
 
 class Softening(NamedTuple):
-    """The effect of the stiffness of the grains on a pile.
+    """How much a pile sinks under its own weight, and how soft its grains may be.
 
     Attributes
     ----------
     sinking : float
-        Share of its Height by which the pile sinks under its own weight.
-    softest_pa : float
-        Shear modulus with which the pile sinks by `LARGEST_SINKING`.
+        Fraction of its height by which the pile sinks.
+    softest_modulus_pa : float
+        Lowest acceptable shear modulus [Pa]. With it, the pile sinks by `MAX_SINKING`.
     """
 
     sinking: float
-    softest_pa: float
+    softest_modulus_pa: float
 
 
 class Filling(NamedTuple):
@@ -77,16 +78,16 @@ class Filling(NamedTuple):
     fits: bool
 
 
-def give_funnel_hints(
+def give_funnel_advice(
     config: Config,
     grain: Grain,
     particle: Particle,
     longest_step_s: Callable[[Grain], float],
 ) -> Iterator[str]:
-    """Suggest improvements of the funnel's scene, each in one line.
+    """Give advice on the pour through the funnel, line by line.
 
-    The suggestions concern the rolling law, the stiffness and volume of the grains, the
-    funnel, and the number of grains.
+    The advice concerns the rolling law, the stiffness of the grains, their volume, the
+    height of the outlet, and the number of grains, in this order.
 
     Parameters
     ----------
@@ -104,13 +105,14 @@ def give_funnel_hints(
     str
         A line of text.
     """
-    yield from _warn_of_creep(config)
+    yield from _warn_about_creep(config)
     yield f"stiffness: {_describe_stiffness(config, grain, longest_step_s)}"
+    # If the volume does not fit, the sentence itself begins with WARNING.
     filling = compare_volumes(config, particle.volume_m3)
-    state = "ok, " if filling.fits else ""
-    yield f"volume: {state}{filling.sentence}"
+    prefix = "ok, " if filling.fits else ""
+    yield f"volume: {prefix}{filling.sentence}"
     height_mm = 1e3 * estimate_pile_height_m(config, grain)
-    yield from _warn_of_blocked_outlet(config, height_mm)
+    yield from _warn_about_blocked_outlet(config, height_mm)
 
     # Describe the number of grains. If it is wrong for the targets, name the right
     # number.
@@ -121,23 +123,25 @@ def give_funnel_hints(
         beginning = f"{n_needed} would fill the target pile, which is"
         n_grains = max(n_grains, n_needed)
     grain_mm = compute_diameter_mm(grain)
+    # `measure_of` takes the mean grain. The name of the calibrated angle does not
+    # depend on the grain, so give an empty one.
+    angle_name = SceneSettings(config).measure_of({}).response
     yield _describe_number_of_grains(
         n_grains,
         height_in_grains=height_mm / grain_mm,
-        # The choice of the calibrated angle does not depend on the grain.
-        angle_name=SceneSettings(config).measure_of({}).response,
+        angle_name=angle_name,
         beginning=beginning,
     )
 
-    # Describe a smaller scene for this number of grains. The first line of this advice
-    # says the same as the line above, so leave it out.
+    # Describe a smaller scene for this number of grains. The first line of
+    # `scene_size.advise` says the same as the line above, so leave it out.
     _, *smaller_scene = scene_size.advise(
         config, grain_mm, height_mm=height_mm, poured=n_grains
     )
     yield from smaller_scene
 
 
-def _warn_of_creep(config: Config) -> Iterator[str]:
+def _warn_about_creep(config: Config) -> Iterator[str]:
     """Yield a warning if grains creep with the rolling law of the study."""
     rolling_law = SceneSettings(config).simulation.rolling_law
     if ROLLING_LAWS.entry(rolling_law).creeps:
@@ -147,7 +151,7 @@ def _warn_of_creep(config: Config) -> Iterator[str]:
         )
 
 
-def _warn_of_blocked_outlet(config: Config, height_mm: float) -> Iterator[str]:
+def _warn_about_blocked_outlet(config: Config, height_mm: float) -> Iterator[str]:
     """Yield a warning if a pile of this height would reach the outlet of the funnel."""
     outlet_mm = _read_funnel_settings(config).outlet_height_mm
     if height_mm > outlet_mm:
@@ -171,41 +175,48 @@ def _describe_number_of_grains(
     angle_name : str
         Which angle of the pile is calibrated, as in the key `measure.response`.
     beginning : str
-        The beginning of the line, which says whether the number is right for the target
-        pile.
+        Beginning of the sentence, such as "ok, the pile is". The height follows it.
 
     Returns
     -------
     str
         A line of text.
     """
-    # The table of simulated piles has a largest number of grains. It also has only some
-    # angles, so use the most similar one for an angle that is not in the table.
+    # The effect of the number is known from a table of simulated piles. For more grains
+    # than in its largest pile, describe this pile instead. The table has only some
+    # angles, so use the most similar one for an angle that is not in it.
     n_tabulated = min(n_grains, max(scene_size.list_tabulated_numbers()))
     tabulated_angle = scene_size.TABULATED.get(angle_name, angle_name)
 
-    # State how a smaller number of grains would change the angle.
+    # State how half as many grains would change the angle. A negative change means a
+    # smaller angle.
     change_deg = scene_size.interpolate_change(
         n_tabulated, n_tabulated / 2, tabulated_angle
     ).angle_deg
     direction = "lower" if change_deg < 0 else "raise"
     text = (
         f"grains: {beginning} {format_significant(height_in_grains, 2)} grains high; {n_tabulated // 2} "
-        f"in place of {n_tabulated} would {direction} the {tabulated_angle} angle by "
+        f"instead of {n_tabulated} would {direction} the {tabulated_angle} angle by "
         f"{abs(change_deg):.1f} deg"
     )
 
-    # Also state how few grains would be enough.
+    # Also state the smallest number of grains that changes the angle very little.
     n_enough = scene_size.find_fewest_grains(n_tabulated, tabulated_angle)
     if n_enough is not None:
-        text += f", {n_enough} by at most {scene_size.ANGLE_TOLERANCE_DEG:g}"
+        text += (
+            f", and {n_enough} would change it by at most "
+            f"{scene_size.ANGLE_TOLERANCE_DEG:g} deg"
+        )
     return text
 
 
 def _describe_stiffness(
     config: Config, grain: Grain, longest_step_s: Callable[[Grain], float]
 ) -> str:
-    """Describe how much a pile sinks, and how much faster softer grains would run.
+    """Describe how far a pile sinks, and how much time softer grains would save.
+
+    The pile sinks under its own weight, because its grains press into each other.
+    Softer grains press in further, but allow a longer time step.
 
     Parameters
     ----------
@@ -219,35 +230,40 @@ def _describe_stiffness(
     Returns
     -------
     str
-        One or two sentences. They begin with ok if the grains should not be softer, and
-        with WARNING if they are softer than real grains.
+        One or two sentences. They begin with WARNING if the pile sinks more than real
+        piles do, and with ok if the grains should not be softer. Otherwise they have
+        neither word, and propose softer grains.
     """
     modulus_pa = grain["shear_modulus_pa"]
-    sinking, softest_pa = compute_softening(config, grain)
-    percent = format_significant(100 * sinking, 2)
+    modulus_text = format_significant(modulus_pa, 3)
+    softening = compute_softening(config, grain)
+    percent = format_significant(100 * softening.sinking, 2)
     sentence = f"the pile sinks by {percent} % of its Height under its own weight"
-    if sinking > SUSPICIOUS_SINKING:
+
+    if softening.sinking > SUSPICIOUS_SINKING:
         return (
-            f"WARNING: {sentence}, more than piles of real grains do. Is the modulus of "
-            f"{format_significant(modulus_pa, 3)} Pa right, and the unit of the forces from "
-            "which it was computed?"
+            f"WARNING: {sentence}, more than piles of real grains do. Check the modulus "
+            f"of {modulus_text} Pa, and the unit of the forces from which it was computed"
         )
-    if softest_pa >= modulus_pa:
+    if softening.softest_modulus_pa >= modulus_pa:
         return f"ok, {sentence}; a lower berry.shear_modulus_pa would make it sink more"
 
     # Softer grains allow a longer time step, and so a faster run.
+    softest_grain = {**grain, "shear_modulus_pa": softening.softest_modulus_pa}
+    softest_text = format_significant(softening.softest_modulus_pa, 3)
     step_s = SceneSettings(config).simulation.time_step_s
-    longest_s = longest_step_s({**grain, "shear_modulus_pa": softest_pa})
+    longest_s = longest_step_s(softest_grain)
+    percent_of_time = format_significant(100 * step_s / longest_s, 2)
     return (
-        f"{sentence}. With a berry.shear_modulus_pa of {format_significant(softest_pa, 3)} instead "
-        f"of {format_significant(modulus_pa, 3)} it sinks by {100 * LARGEST_SINKING:.2g} %; then "
+        f"{sentence}. With a berry.shear_modulus_pa of {softest_text} instead of "
+        f"{modulus_text} it sinks by {100 * MAX_SINKING:.2g} %; then "
         f"simulation.time_step_s may be {longest_s:.2g} s, and a run takes "
-        f"{format_significant(100 * step_s / longest_s, 2)} % of the time"
+        f"{percent_of_time} % of the time"
     )
 
 
 def compute_softening(config: Config, grain: Grain) -> Softening:
-    """Compute how much a pile sinks under its own weight, and how soft grains may be.
+    """Compute how far a pile sinks under its own weight, and how soft grains may be.
 
     Parameters
     ----------
@@ -259,14 +275,22 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
     Returns
     -------
     Softening
+        The sinking as a fraction of the height, and the lowest acceptable modulus [Pa].
 
     Notes
     -----
     A grain of diameter d at depth z carries the weight above its own area,
     F = p rho g z d^2, where p is the packing fraction. By Hertz's law two such grains
-    approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean approach over the
-    depth is 3/5 of that at the bottom. Divided by d, this is the fraction of the Height
-    that is lost. It is proportional to the modulus to the power of -2/3.
+    approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). E* is the effective modulus
+    of two equal grains, G / (1 - nu), with the shear modulus G and Poisson's ratio nu.
+
+    F grows in proportion to z, and z^(2/3) has a mean of 3/5 of its value at the
+    bottom. So the mean approach over the depth is 3/5 of the approach at the bottom.
+    Divided by d, it is the fraction of the height by which the pile sinks.
+
+    This fraction is proportional to the modulus to the power of -2/3. To reach another
+    fraction, the modulus must be multiplied by the ratio of the present fraction to
+    the other one, to the power of 3/2.
     """
     diameter_m = 1e-3 * compute_diameter_mm(grain)
     gravity = SceneSettings(config).simulation.gravity_m_s2
@@ -279,21 +303,21 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
         * gravity
         * estimate_pile_height_m(config, grain)
     )
-    contact_modulus_pa = grain["shear_modulus_pa"] / (1 - grain["poisson_ratio"])  # E*
+    effective_modulus_pa = grain["shear_modulus_pa"] / (1 - grain["poisson_ratio"])
     approach_m = (
         3
         * pressure_pa
         * diameter_m**2
-        / (4 * contact_modulus_pa * math.sqrt(diameter_m / 4))
+        / (4 * effective_modulus_pa * math.sqrt(diameter_m / 4))
     ) ** (2 / 3)
 
     # The mean over the depth of the pile is 3/5 of the value at its bottom.
     sinking = 3 / 5 * approach_m / diameter_m
 
-    # Change the modulus until the pile sinks by the largest acceptable share.
-    sinking_ratio = sinking / LARGEST_SINKING
-    softest_pa = grain["shear_modulus_pa"] * sinking_ratio**MODULUS_EXPONENT
-    return Softening(sinking, softest_pa)
+    # Find the modulus with which the pile sinks by the largest acceptable fraction.
+    sinking_ratio = sinking / MAX_SINKING
+    softest_modulus_pa = grain["shear_modulus_pa"] * sinking_ratio**MODULUS_EXPONENT
+    return Softening(sinking, softest_modulus_pa)
 
 
 def estimate_pile_height_m(config: Config, grain: Grain) -> float:
@@ -301,7 +325,8 @@ def estimate_pile_height_m(config: Config, grain: Grain) -> float:
 
     If the study has a target for the height, the result is this target. If it has only
     a target for the angle, the result is the height of a cone of all grains with this
-    angle. Without either target, the result is half the height of the outlet.
+    angle. Without either target, the result is half the height of the funnel's outlet,
+    a rough guess between no pile and a pile that reaches the outlet.
 
     Parameters
     ----------
@@ -309,27 +334,38 @@ def estimate_pile_height_m(config: Config, grain: Grain) -> float:
         The configuration.
     grain : mapping
         The mean grain, as in berry.json.
+
+    Returns
+    -------
+    float
+        The height [m].
     """
     funnel = _read_funnel_settings(config)
     targets = _find_pile_targets(config)
     if targets.height_mm is not None:
         return 1e-3 * targets.height_mm
     if targets.angle_deg is not None:
-        # All grains together, with the gaps between them, form a cone.
-        grain_m3 = math.pi / 6 * (1e-3 * compute_diameter_mm(grain)) ** 3
-        volume_m3 = funnel.berries * grain_m3 / PACKING
+        # All grains together, with the gaps between them, form a cone. A sphere of the
+        # equivalent diameter stands for a grain, which is exact enough for an estimate.
+        grain_volume_m3 = math.pi / 6 * (1e-3 * compute_diameter_mm(grain)) ** 3
+        volume_m3 = funnel.berries * grain_volume_m3 / PACKING
         return _compute_cone_height_m(volume_m3, targets.angle_deg)
     return 0.5e-3 * funnel.outlet_height_mm
 
 
-def compare_volumes(config: Config, grain_m3: float) -> Filling:
-    """Compare the volume of the poured grains with that of the target pile.
+def compare_volumes(config: Config, grain_volume_m3: float) -> Filling:
+    """Compare the volume of the poured grains with the volume of the target pile.
+
+    With targets for height and angle, the target pile is a cone of this height and
+    slope. With a target for the height alone, the slope of a cone of all grains is
+    compared with slopes of real piles. With a target for the angle alone, or with none,
+    every volume fits.
 
     Parameters
     ----------
     config : mapping
         The configuration.
-    grain_m3 : float
+    grain_volume_m3 : float
         Volume of a grain [m3].
 
     Returns
@@ -339,11 +375,14 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
     """
     n_grains = _read_funnel_settings(config).berries
     height_mm, angle_deg = _find_pile_targets(config)
-    volume_m3 = n_grains * grain_m3 / PACKING
+    # The volume includes the gaps between the grains.
+    volume_m3 = n_grains * grain_volume_m3 / PACKING
     poured_text = f"{n_grains} poured grains fill {_format_volume(volume_m3)}"
 
     # The comparison depends on which of the two targets the study has.
     if height_mm is not None and angle_deg is not None:
+        # A pile may have more volume than a cone. This is even more so if the angle is
+        # measured along a part of the side only, because this part is steeper.
         largest_ratio = VOLUME_FACTOR
         if config["measure"]["response"] not in WHOLE_SIDE_LINES:
             largest_ratio *= PART_OF_SIDE_FACTOR
@@ -389,7 +428,12 @@ def _compare_with_cone(
     height_mm, angle_deg : float
         Target for the height [mm], and target for the angle [deg].
     largest_ratio : float
-        Largest volume of the grains, as a multiple of that of the cone.
+        Largest acceptable ratio of the volume of the grains to the volume of the cone.
+
+    Returns
+    -------
+    Filling
+        A description of both volumes, and whether they are compatible.
     """
     cone_m3 = _compute_cone_volume_m3(height_mm, angle_deg)
     sentence = (
@@ -429,20 +473,25 @@ def _compare_slope(volume_m3: float, poured_text: str, height_mm: float) -> Fill
     )
 
 
-def count_needed_grains(config: Config, grain_m3: float) -> int:
+def count_needed_grains(config: Config, grain_volume_m3: float) -> int:
     """Count the grains that fill the target pile.
 
     Without a target for the height, a pile of any size is right, so the result is the
-    configured number. Without a target for the angle, the pile may have any slope that
-    poured grains can have. The result is then the possible number that is nearest to
-    the configured one.
+    configured number. Without a target for the angle, the pile may have any slope of
+    `SLOPES_DEG`, so a range of numbers is possible. If the configured number lies
+    outside this range, the result is the nearer end of the range.
 
     Parameters
     ----------
     config : mapping
         The configuration.
-    grain_m3 : float
+    grain_volume_m3 : float
         Volume of a grain [m3].
+
+    Returns
+    -------
+    int
+        The number of grains.
     """
     n_grains = _read_funnel_settings(config).berries
     height_mm, angle_deg = _find_pile_targets(config)
@@ -455,9 +504,9 @@ def count_needed_grains(config: Config, grain_m3: float) -> int:
         flattest_deg = angle_deg
         steepest_deg = angle_deg
     # Among cones of the same height, the steepest has the smallest volume.
-    fewest = _count_grains_of_cone(height_mm, steepest_deg, grain_m3)
-    most = _count_grains_of_cone(height_mm, flattest_deg, grain_m3)
-    return min(max(n_grains, fewest), most)
+    min_grains = _count_grains_of_cone(height_mm, steepest_deg, grain_volume_m3)
+    max_grains = _count_grains_of_cone(height_mm, flattest_deg, grain_volume_m3)
+    return min(max(n_grains, min_grains), max_grains)
 
 
 def _compute_cone_height_m(volume_m3: float, angle_deg: float) -> float:
@@ -477,9 +526,12 @@ def _compute_cone_volume_m3(height_mm: float, angle_deg: float) -> float:
     return math.pi * (1e-3 * height_mm) ** 3 / (3 * tangent**2)
 
 
-def _count_grains_of_cone(height_mm: float, angle_deg: float, grain_m3: float) -> int:
+def _count_grains_of_cone(
+    height_mm: float, angle_deg: float, grain_volume_m3: float
+) -> int:
     """Count the grains that fill a cone, with the gaps between them."""
-    return math.ceil(PACKING * _compute_cone_volume_m3(height_mm, angle_deg) / grain_m3)
+    cone_m3 = _compute_cone_volume_m3(height_mm, angle_deg)
+    return math.ceil(PACKING * cone_m3 / grain_volume_m3)
 
 
 def _read_funnel_settings(config: Config) -> FunnelSettings:

@@ -1,6 +1,5 @@
 """Write the lines that `repose check`, `repose plan` and `repose run --list` print."""
 
-import contextlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -54,13 +53,13 @@ TRIAL_SEED = 1
 # this fraction of their span, because so few runs seldom include the extremes. In
 # config/paper.yaml the trial runs span 11.8 degrees and end at 30.5 degrees, and 2.5 %
 # of all runs there are steeper by at least 0.4 spans.
-LARGEST_DISTANCE_FROM_TRIALS = 0.5
+MAX_DISTANCE_IN_SPANS = 0.5
 # A hint is given if the advised time step is longer than the study's by this factor.
 WORTHWHILE_RATIO = 1.5
 # Widths of the columns in the table of costs.
 COST_COLUMNS = {
     "strategy": 18,
-    "pours to learn": 15,
+    "runs to learn": 15,
     "to check": 9,
     "core-minutes": 13,
     "disk": 8,
@@ -71,19 +70,23 @@ STUDY_LIST_HEADING = (
     "repose run TARGET; without one, all of calibration. Studies of {}:"
 )
 
+# Width of the names in this list.
+STUDY_NAME_WIDTH = 24
+
 ShowMessage = Callable[[str], AbstractContextManager[None]]
 
 
-def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
+def propose_smaller_scene(files: Iterable[str], n_grains: int) -> Iterator[str]:
     """Describe how to scale down a scene that has too many grains.
 
-    The function yields nothing if the configuration also has other faults.
+    A scene is a bench test with its grains. The function yields nothing if the number
+    of grains is allowed, or if the configuration is also invalid for another reason.
 
     Parameters
     ----------
     files : iterable of str
         The files of the configuration.
-    grains : int
+    n_grains : int
         The configured number of grains.
 
     Yields
@@ -91,36 +94,42 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     str
         A line of text.
     """
-    if grains <= MOST_BERRIES:
+    if n_grains <= MOST_BERRIES:
         return
 
-    # The advice needs a valid study. Use the largest allowed number of grains, and let
-    # the program compute the keys that depend on it.
+    # Only a valid study has a grain. To make the study valid, replace the number of
+    # grains by the largest allowed number, and let the program compute the keys that
+    # depend on it, which is what `auto` asks for.
     largest_funnel: dict[str, Any] = {"berries": MOST_BERRIES}
     for name in scene_size.COMPUTED_KEYS:
-        largest_funnel[name] = "auto"
-    overrides = {"funnel": largest_funnel}
-
-    # Other faults of the configuration are reported elsewhere.
-    with contextlib.suppress(InputError):
-        study = PipelineConfig.load(*files, overrides=overrides, check_inputs=True)
-        height_mm = 1e3 * advice.estimate_pile_height_m(study.config, study.grain)
-        diameter_mm = computed.compute_diameter_mm(study.grain)
-        yield from scene_size.advise(
-            study.config, diameter_mm, height_mm=height_mm, poured=grains
+        largest_funnel[name] = computed.AUTO
+    try:
+        study = PipelineConfig.load(
+            *files, overrides={"funnel": largest_funnel}, check_inputs=True
         )
+    except InputError:
+        # The caller reports all errors of the configuration.
+        return
+
+    # Give advice for the configured number of grains.
+    height_mm = 1e3 * advice.estimate_pile_height_m(study.config, study.grain)
+    diameter_mm = computed.compute_diameter_mm(study.grain)
+    yield from scene_size.advise(
+        study.config, diameter_mm, height_mm=height_mm, poured=n_grains
+    )
 
 
 def describe_study(study: PipelineConfig) -> Iterator[str]:
     """Describe the targets, time step, scene and grain of a study line by line.
 
-    The first lines say whether a pile can meet the targets at all. A line that begins
-    with ok needs no action. A line with WARNING says what may help.
+    The first lines say whether a pile can meet the targets at all. Each line has the
+    form "SUBJECT: TEXT". A text that begins with ok needs no action. A text with
+    WARNING says what may help.
 
     Parameters
     ----------
     study : PipelineConfig
-        The study. Its grain is made unless this has already been done.
+        The study. Reading `study.grain` makes its mean grain, which may take seconds.
 
     Yields
     ------
@@ -131,15 +140,17 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     grain = study.grain
     particle = study.particle
 
-    # Describe targets and ranges. If the study has runs already, they show which angles
-    # its piles can have.
+    # Describe targets and ranges. If the study already has results, they show which
+    # angles its piles can have.
     dataset_csv = dependencies.find_own_dataset(config)
     for assessment in reach.assess_targets(config, particle, dataset_csv).values():
         yield describe_reach(assessment)
     for sentence in describe_wide_ranges(study.settings.parameters.entries):
         yield f"ranges: WARNING: {sentence}"
 
-    # Describe the time step, and the restitution of an impact that results from it.
+    # Describe the time step. If restitutions are low, also describe which restitutions
+    # a simulated impact really has with this time step. The other parameters hardly
+    # matter for an impact, so use the middle of their ranges.
     limit = computed.find_longest_step(config, particle, grain)
     yield describe_time_step(study.settings.simulation.time_step_s, limit)
     ranges = computed.find_ranges(config)
@@ -152,7 +163,7 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
         return computed.find_longest_step(config, particle, other_grain).time_step_s
 
     # Describe the scene and the grain.
-    yield from advice.give_funnel_hints(
+    yield from advice.give_funnel_advice(
         config, grain, particle=particle, longest_step_s=find_longest_step_s
     )
     yield from _describe_grain(study)
@@ -189,11 +200,22 @@ def _compute_volume_change(particle: "Particle") -> float:
 
 
 def _describe_grain(study: PipelineConfig) -> Iterator[str]:
-    """Yield warnings about a coarse particle, and about grain settings that are not used."""
+    """Describe a simulated body that is coarse, and grain settings that are not used.
+
+    The body that is simulated is called the particle of a grain. A coarse one has
+    another volume than the scan of the grain.
+
+    Yields
+    ------
+    str
+        A line of text, most often a warning. Nothing is yielded for a usual grain.
+    """
+    # The section of the grain has the name `berry`.
     particle = study.particle
     section = study.settings.berry
     if is_coarse(particle):
-        yield _describe_volume(section, 100 * _compute_volume_change(particle))
+        percent = 100 * _compute_volume_change(particle)
+        yield _describe_volume_change(section, percent)
 
     # The volume of a scan and the density already give the mass.
     if section.stl is not None and section.mass_g is not None:
@@ -214,7 +236,7 @@ def _describe_grain(study: PipelineConfig) -> Iterator[str]:
         )
 
 
-def _describe_volume(section: "GrainSettings", percent: float) -> str:
+def _describe_volume_change(section: "GrainSettings", percent: float) -> str:
     """Describe a particle whose volume differs by `percent` from that of its mesh.
 
     If the user has chosen the number of spheres, the line is not a warning.
@@ -229,10 +251,15 @@ def _describe_volume(section: "GrainSettings", percent: float) -> str:
 
 
 def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
-    """Yield warnings if one mean grain cannot represent the measured grains.
+    """Yield warnings if the mean grain does not represent the measured grains well.
 
     The reason may be two kinds of grains, widely different sizes, or a mass that is too
     large for the sizes.
+
+    Yields
+    ------
+    str
+        A line of text.
     """
     from repose.grain import size_checks
     from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
@@ -248,46 +275,55 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
     if groups is not None and groups.ratio > 1 + LARGEST_SPREAD:
         yield _describe_groups(groups, section.size_distribution)
 
-    # The sizes may differ widely. A grain with the mean axes then has less than the
-    # mean volume.
-    spread = study.grain["scale_sd"]
-    if spread > LARGEST_SPREAD:
-        lost_share = 1 - axes_mm.mean().prod() / products_mm3.mean()
-        yield _describe_spread(section, spread=spread, lost_share=lost_share)
+    # The sizes may differ widely. A grain with the mean axes then has less volume than
+    # the measured grains have on average: the product of the mean axes is smaller than
+    # the mean of the products, if grains that are longer are also wider.
+    relative_sd = study.grain["scale_sd"]
+    if relative_sd > LARGEST_SPREAD:
+        lost_fraction = 1 - axes_mm.mean().prod() / products_mm3.mean()
+        yield _describe_spread(
+            section, relative_sd=relative_sd, lost_fraction=lost_fraction
+        )
 
-    # The mass may be too large for the sizes. A scan gives the volume directly, so the
-    # mass is then not used.
+    # The mass may be too large for the sizes. With a scan, which gives the volume
+    # directly, the mass in the configuration is not used.
     if section.mass_g is not None and section.stl is None:
-        yield from _warn_of_large_mass(section, section.mass_g, axes_mm)
+        yield from _warn_about_large_mass(section, section.mass_g, axes_mm)
 
 
-def _warn_of_large_mass(
+def _warn_about_large_mass(
     section: "GrainSettings", mass_g: float, axes_mm: "pd.DataFrame"
 ) -> Iterator[str]:
-    """Yield a warning if no body with the mean axes has room for the mass.
+    """Yield a warning if the mass needs more volume than a grain of this size can have.
+
+    The needed volume is the mass divided by the density. A grain with the mean axes
+    can have at most the volume of the largest body with these axes.
 
     Parameters
     ----------
     section : GrainSettings
         The section of the grain.
     mass_g : float
-        The mass in this section.
+        The key `mass_g` of this section.
     axes_mm : DataFrame
         The axes of each measured grain.
     """
     from repose.grain import berry, size_checks
 
-    # Compare the volume by mass and density with that of the largest body.
+    # Compare both volumes. The plain means of the axes are needed here, so do not
+    # change them to keep the mean volume.
     mean_axes = berry.compute_mean_axes(axes_mm, keeps_volume=False)
     largest_mm3 = size_checks.compute_largest_volume(list(mean_axes.values()))
-    volume_mm3 = 1e6 * mass_g / section.density_kg_m3
-    excess = volume_mm3 / largest_mm3 - 1
+    # One g over one kg/m3 is 1e-3 m3, which is 1e6 mm3.
+    needed_mm3 = 1e6 * mass_g / section.density_kg_m3
+    excess = needed_mm3 / largest_mm3 - 1
     if excess > LARGEST_EXCESS:
+        excess_percent = format_significant(100 * excess, 2)
         yield (
             f"mass: WARNING: berry.mass_g {format_significant(mass_g)} makes the body "
-            f"{format_significant(100 * excess, 2)} % fuller than its mean axes allow, at most "
-            f"{format_significant(largest_mm3)} mm3 (equal axes: a sphere); check mass, density and "
-            "sizes, or leave out berry.mass_g"
+            f"{excess_percent} % fuller than its mean axes allow; a body with these axes has "
+            f"at most {format_significant(largest_mm3)} mm3, and if they are equal, it is a "
+            "sphere; check mass, density and sizes, or leave out berry.mass_g"
         )
 
 
@@ -317,26 +353,31 @@ def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
 
 
 def _describe_spread(
-    section: "GrainSettings", *, spread: float, lost_share: float
+    section: "GrainSettings", *, relative_sd: float, lost_fraction: float
 ) -> str:
-    """Describe a wide spread of sizes and its effect on the simulated grain.
+    """Describe a wide spread of sizes, how it is simulated, and the volume that is lost.
+
+    For example: "sizes: WARNING: the equivalent diameter scatters by 12 %, and is drawn
+    from a normal distribution".
 
     Parameters
     ----------
     section : GrainSettings
         The section of the grain.
-    spread : float
-        Standard deviation of the equivalent diameter over its mean.
-    lost_share : float
-        Share of the mean volume that a grain with the mean axes lacks.
+    relative_sd : float
+        Standard deviation of the equivalent diameter, divided by its mean.
+    lost_fraction : float
+        Fraction of the mean volume that a grain with the mean axes lacks.
 
     Returns
     -------
     str
         A line of text.
     """
-    percent = format_significant(100 * spread, 2)
+    percent = format_significant(100 * relative_sd, 2)
     text = f"sizes: WARNING: the equivalent diameter scatters by {percent} %"
+
+    # Either each poured grain gets a size of its own, or all have the same size.
     if section.size_distribution == "measured":
         text += ", and is drawn from a normal distribution"
     else:
@@ -345,23 +386,31 @@ def _describe_spread(
             "measured to pour different sizes"
         )
 
-    # A scanned grain, and a grain of the mean volume, lose no volume.
-    loss = (
-        f"{format_significant(100 * lost_share, 2)} % less volume than the measured grains have on "
-        "average"
+    # The volume of a scanned grain does not follow from the axes.
+    if section.stl is not None:
+        return text
+
+    # A given mass determines the volume, and `keeps_volume` changes the axes so that
+    # the grain has the mean volume. Only without both of them is volume lost.
+    lost_percent = format_significant(100 * lost_fraction, 2)
+    less_volume = (
+        f"{lost_percent} % less volume than the measured grains have on average"
     )
-    if section.stl is None and section.mass_g is not None:
+    if section.mass_g is not None:
         text += (
-            f"; a grain with the mean axes has {loss}, and berry.mass_g makes its body "
-            "fuller to compensate"
+            f"; a grain with the mean axes has {less_volume}, and berry.mass_g makes its "
+            "body fuller to compensate"
         )
-    elif section.stl is None and not section.keeps_volume:
-        text += f"; with berry.mean_size: axes the grain has {loss}"
+    elif not section.keeps_volume:
+        text += f"; with berry.mean_size: axes the grain has {less_volume}"
     return text
 
 
 def describe_time_step(step_s: float, limit: "Limit") -> str:
-    """Compare the time step with its maximum, and describe the gain of a longer one.
+    """State the time step and its maximum, and what a longer time step would gain.
+
+    The line always says ok, because a study with a longer time step than the maximum is
+    rejected earlier (`validation.find_time_step_problems`).
 
     Parameters
     ----------
@@ -369,6 +418,11 @@ def describe_time_step(step_s: float, limit: "Limit") -> str:
         The time step of the study [s].
     limit : Limit
         The longest stable time step, and what limits it.
+
+    Returns
+    -------
+    str
+        A line of text.
     """
     maximum_s = computed.round_down(limit.time_step_s, digits=3)
     text = f"time step: ok, {format_significant(step_s)} s; maximum {format_significant(maximum_s, 3)} s"
@@ -382,8 +436,8 @@ def describe_time_step(step_s: float, limit: "Limit") -> str:
     return text
 
 
-def warn_of_few_measurements(study: PipelineConfig) -> Iterator[str]:
-    """Warn of measurements whose scatter is unknown."""
+def warn_about_few_measurements(study: PipelineConfig) -> Iterator[str]:
+    """Yield a warning for each target whose scatter is unknown or very uncertain."""
     for target in study.settings.targets:
         if target.repetitions < MIN_PILES:
             yield (
@@ -401,20 +455,21 @@ def warn_of_few_measurements(study: PipelineConfig) -> Iterator[str]:
 def run_trials(
     study: PipelineConfig, grain_step_s: float, show_message: ShowMessage
 ) -> Iterator[str]:
-    """Run each bench test of the targets at three points of the parameter ranges.
+    """Simulate each bench test of the targets with a few extreme parameter sets.
 
-    The function yields a line about each run, and a warning about each target that lies
-    far outside the results.
+    `TRIAL_FRACTIONS` lists the parameter sets. The function yields a line about each
+    run, and a warning about each target that lies far outside the results. The runs are
+    made while the lines are requested.
 
     Parameters
     ----------
     study : PipelineConfig
         The study.
     grain_step_s : float
-        Time for one step of one grain [s]. With it, bench tests whose trial runs would
-        take longer than `LONGEST_TRIAL_S` are recognised and skipped.
+        Time that one time step takes for each grain [s]. It serves to estimate the time
+        of a run. Bench tests with longer runs than `LONGEST_TRIAL_S` are skipped.
     show_message : callable
-        Returns a context manager that shows a sentence during the runs.
+        Function that returns a context manager, which shows a sentence during the runs.
 
     Yields
     ------
@@ -440,7 +495,7 @@ def run_trials(
                 runs.append(run)
 
         yield from _describe_trials(test, runs)
-        yield from _warn_of_trials(study, test, runs)
+        yield from _warn_about_trials(study, test, runs)
 
 
 def _describe_trials(
@@ -457,12 +512,12 @@ def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
     """Return the parameters of the trial runs, in the order of `TRIAL_FRACTIONS`.
 
     `TRIAL_FRACTIONS` states where in its range each free parameter lies. It has one
-    share for the restitutions and one for all other parameters, such as friction.
+    fraction for the restitutions and one for all other parameters, such as friction.
     """
     space = study.parameters
     is_restitution = np.array([name.startswith("e_") for name in space.free])
     # Rows are the trial runs, columns the free parameters.
-    shares = np.array(
+    fractions = np.array(
         [
             np.where(is_restitution, restitution, friction)
             for restitution, friction in TRIAL_FRACTIONS.values()
@@ -470,11 +525,11 @@ def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
     )
     return [
         dict(zip(space.names, values, strict=True))
-        for values in space.values(shares).tolist()
+        for values in space.values(fractions).tolist()
     ]
 
 
-def _warn_of_trials(
+def _warn_about_trials(
     study: PipelineConfig, test: BenchTest[Any], runs: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
     """Yield warnings if trial runs fail, or if a target lies far outside their results.
@@ -497,13 +552,13 @@ def _warn_of_trials(
     good_runs = [run for run in runs if run["status"] == "ok"]
     if not good_runs:
         yield (
-            f"{test.name}: WARNING: no trial run can be measured; change the section "
-            f"{test.name}, or the ranges"
+            f"{test.name}: WARNING: no trial run can be measured; change the settings in "
+            f"the section {test.name}, or the ranges of the parameters"
         )
         return
 
-    # Compare each target of this bench test with the range of the runs. The range is
-    # extended on both sides, because single runs seldom include the extremes.
+    # Compare each target of this bench test with the results of the runs. Extend the
+    # span of the results by a margin, because so few runs seldom include the extremes.
     responses = test.target_responses(study.config)
     for target in study.targets:
         if target.response not in responses:
@@ -511,19 +566,23 @@ def _warn_of_trials(
         values = [run[target.name] for run in good_runs]
         low = min(values)
         high = max(values)
-        margin = LARGEST_DISTANCE_FROM_TRIALS * (high - low)
-        if not low - margin <= target.value <= high + margin:
+        margin = MAX_DISTANCE_IN_SPANS * (high - low)
+        if target.value < low - margin or target.value > high + margin:
+            results_text = f"{format_significant(low)} to {format_significant(high)}"
             yield (
                 f"{target.name}: WARNING: the target {format_significant(target.value)} is far "
-                f"outside the single runs, {format_significant(low)} to {format_significant(high)}; other "
-                "ranges or another scene may be needed"
+                f"outside the single runs, {results_text}; other ranges or another scene may "
+                "be needed"
             )
 
 
 def tabulate_costs(
     study: PipelineConfig, budgets: Iterable[int], grain_step_s: float
 ) -> Iterator[str]:
-    """Tabulate the cost of each strategy, with a star at the configured one.
+    """Tabulate the cost of the strategies, with a star at the configured one.
+
+    The table has three strategies. Lines after the table say why a strategy cannot run
+    with this configuration.
 
     Parameters
     ----------
@@ -537,13 +596,14 @@ def tabulate_costs(
     Yields
     ------
     str
-        A line of the table. The lines after the table say why a strategy is not in it.
+        A line of text.
     """
-    # Find the strategies that cannot run with this configuration.
+    # Find the strategies that cannot run with this configuration. The strategy
+    # `published` is not among them, because it has no section and always can.
     settings = study.settings
     reasons_against: dict[str, str] = {}
     for name in strategies.list_strategies_with_section():
-        reason = cost.explain_strategy_misfit(settings, name)
+        reason = cost.explain_why_unusable(settings, name)
         if reason is not None:
             reasons_against[name] = reason
 
@@ -553,11 +613,11 @@ def tabulate_costs(
     # Below it there is a row for each budget, and one for each other strategy.
     if "sequential" not in reasons_against:
         for budget in budgets:
-            pours = _list_pours_of_budget(study, budget)
-            yield _format_cost_row(study, "sequential", pours, grain_step_s)
+            runs = _list_runs_of_budget(study, budget)
+            yield _format_cost_row(study, "sequential", runs, grain_step_s)
     if "response_surface" not in reasons_against:
-        most_pours = cost.list_strategy_pours(settings, "response_surface")
-        yield _format_cost_row(study, "response_surface", most_pours, grain_step_s)
+        max_runs = cost.list_strategy_runs(settings, "response_surface")
+        yield _format_cost_row(study, "response_surface", max_runs, grain_step_s)
     yield _format_cost_row(study, "published", None, grain_step_s)
 
     # Explain the missing rows and the table.
@@ -569,7 +629,7 @@ def tabulate_costs(
     )
 
 
-def _list_pours_of_budget(study: PipelineConfig, budget: int) -> cost.Pours:
+def _list_runs_of_budget(study: PipelineConfig, budget: int) -> cost.PlannedRuns:
     """List the runs of the sequential strategy with a budget of runs.
 
     The strategy learns from batches of runs, each with all seeds. The runs of the final
@@ -584,7 +644,10 @@ def _list_pours_of_budget(study: PipelineConfig, budget: int) -> cost.Pours:
 
 
 def _format_cost_row(
-    study: PipelineConfig, name: str, pours: cost.Pours | None, grain_step_s: float
+    study: PipelineConfig,
+    name: str,
+    runs: cost.PlannedRuns | None,
+    grain_step_s: float,
 ) -> str:
     """Write the row of a strategy in the table of costs.
 
@@ -594,9 +657,11 @@ def _format_cost_row(
         The study.
     name : str
         The strategy.
-    pours : sequence of (str, int, int), or None
+    runs : sequence of (str, int, int), or None
         The runs of the strategy: purpose, number of parameter sets, seeds of each set.
-        None for the runs of the article's method, which follow from the study.
+        An entry of the type `CheckRuns` checks the answer. None stands for the
+        article's method, the strategy `published`, whose runs `cost.estimate_work`
+        lists.
     grain_step_s : float
         Time for one step of one grain [s].
 
@@ -605,17 +670,17 @@ def _format_cost_row(
     str
         The row. A star marks the strategy that the study uses.
     """
-    work = cost.estimate_work(study.config, grain_step_s, pours)
-    n_runs = cost.count_runs(work["pours"])
-    checks = [entry for entry in work["pours"] if isinstance(entry, CheckRuns)]
-    n_checks = cost.count_runs(checks)
-    minutes = work["total_s"] / 60
+    work = cost.estimate_work(study.config, grain_step_s, runs)
+    n_runs = cost.count_runs(work.runs)
+    check_runs = [entry for entry in work.runs if isinstance(entry, CheckRuns)]
+    n_check_runs = cost.count_runs(check_runs)
+    minutes = work.total_s / 60
     disk_mb = cost.estimate_disk_mb(study.settings, n_runs)
     return _align_costs(
         {
             "strategy": f"*{name}" if name == study.settings.strategy else name,
-            "pours to learn": str(n_runs - n_checks),
-            "to check": str(n_checks),
+            "runs to learn": str(n_runs - n_check_runs),
+            "to check": str(n_check_runs),
             "core-minutes": format_significant(minutes, 3),
             "disk": f"{format_significant(disk_mb, 3)} MB",
         }
@@ -638,14 +703,16 @@ def list_studies(files: list[str]) -> str:
     Returns
     -------
     str
-        Several lines. They have no costs if the configuration is incomplete or faulty.
+        Several lines. They have no costs if the configuration is incomplete or invalid,
+        or if another program makes the runs.
 
     Raises
     ------
     InputError
         If a file cannot be read.
     """
-    # Merging fails only if a file cannot be read. It does not check the values.
+    # Merging fails only if a file cannot be read. It does not check the values, so it
+    # gives the name of the study even if these are invalid.
     label = loader.merge_with_defaults(files).config.get("label")
     try:
         study = PipelineConfig.load(*files)
@@ -654,17 +721,17 @@ def list_studies(files: list[str]) -> str:
         label = study.config.get("label")
         cost_texts = _describe_all_costs(study)
     except InputError:
-        # A faulty configuration has no costs, but its studies can still be listed.
-        names = ", ".join(files) or "config.yaml"
-        unknown_cost = (
-            f"cost: once {names} is complete; `repose check` lists the missing keys"
-        )
+        # An invalid configuration has no costs, but its studies can still be listed.
+        # Without files, the default one is meant.
+        file_names = ", ".join(files) or "config.yaml"
+        unknown_cost = f"cost: once {file_names} is complete; `repose check` lists the missing keys"
         cost_texts = dict.fromkeys(cost.STUDY_SUMMARIES, unknown_cost)
 
+    # The cost of a study stands below its summary.
     lines = [STUDY_LIST_HEADING.format(label)]
     for name, summary in cost.STUDY_SUMMARIES.items():
-        lines.append(f"  {name:24} {summary}")
-        lines.append(f"{'':27}{cost_texts[name]}")
+        lines.append(f"  {name:{STUDY_NAME_WIDTH}} {summary}")
+        lines.append(f"  {'':{STUDY_NAME_WIDTH}} {cost_texts[name]}")
     return "\n".join(lines)
 
 
@@ -685,16 +752,21 @@ def _list_studies_of_program(study: PipelineConfig) -> str:
         *strategies.list_strategies_with_section(),
     ):
         summary = cost.STUDY_SUMMARIES.get(name, "Another way to calibrate.")
-        lines.append(f"  {name:24} {summary}")
+        lines.append(f"  {name:{STUDY_NAME_WIDTH}} {summary}")
     return "\n".join(lines)
 
 
 def _describe_strategy_cost(study: PipelineConfig, strategy: str) -> str:
     """Describe the cost of a strategy, or why it cannot run with this configuration."""
-    misfit = cost.explain_strategy_misfit(study.settings, strategy)
-    if misfit:
-        return misfit
-    pours = cost.list_strategy_pours(study.settings, strategy)
-    minutes = cost.estimate_work(study.config, pours=pours)["total_s"] / 60
-    n_pours = cost.count_runs(pours or ())
-    return f"at most {n_pours} pours, about {format_significant(minutes, 2)} min on one core, by itself"
+    reason_against = cost.explain_why_unusable(study.settings, strategy)
+    if reason_against is not None:
+        return reason_against
+
+    runs = cost.list_strategy_runs(study.settings, strategy)
+    work = cost.estimate_work(study.config, runs=runs)
+    n_runs = cost.count_runs(work.runs)
+    minutes = format_significant(work.total_s / 60, 2)
+    return (
+        f"at most {n_runs} runs in each bench test, about {minutes} min on one core, "
+        "instead of the calibration"
+    )

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # Pixels of a simulated pile's picture over the grain's equivalent diameter.
 PIXELS_A_GRAIN = 32
-# Share of the longest time step that is used. The longest one is only an estimate.
+# Fraction of the longest time step that is used. The longest one is only an estimate.
 STEP_FRACTION = 0.8
 
 # Times, and limits below which a pile is at rest, in the units of a grain
@@ -126,6 +126,11 @@ def find_longest_step(
     -------
     Limit
         The time step [s], and what limits it.
+
+    Notes
+    -----
+    For each parameter, the value is used that needs the shortest time step. A new
+    contact law may need another choice.
     """
     from repose.bench import Scene
     from repose.bench.scene import longest_time_step
@@ -221,8 +226,9 @@ def _choose_factory_diameter_mm(
 def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
     """Estimate how long all grains take to run out, fall and come to rest [s].
 
-    The flow is the rate of pouring or the discharge of the outlet, whichever is
-    smaller. If the outlet is too narrow for the law of discharge, only the rate counts.
+    The flow is the rate at which grains are poured into the funnel, or the discharge of
+    its outlet by Beverloo's law, whichever is smaller. If the outlet is too narrow for
+    this law, only the rate of pouring counts.
 
     Parameters
     ----------
@@ -232,6 +238,11 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
         The mean grain, as in berry.json.
     particle : Particle
         The body of the mean grain.
+
+    Returns
+    -------
+    float
+        The duration, rounded up to a tenth of a second.
     """
     settings = select_valid_sections(config)
     funnel = settings.funnel
@@ -244,17 +255,17 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
         flow_per_s = min(flow_per_s, discharge_per_s)
     pour_s = funnel.berries / flow_per_s
 
-    # Compute the time of its fall. Another rule refuses a negative height, so treat it
-    # as 0 here.
-    fall_m = max(funnel.funnel.inlet_height_m, 0.0)
+    # Compute the time of its fall from the inlet of the funnel. Another rule reports a
+    # negative height, so treat it as 0 here.
+    inlet_height_m = funnel.funnel.inlet_height_m
+    fall_m = max(inlet_height_m, 0.0)
     fall_s = math.sqrt(2 * fall_m / gravity_m_s2)
 
-    # Compute the time until the pile rests.
-    rest_s = round_to_digits(
-        REST_TIME * _make_grain_scale(config, particle).time_s, digits=2
-    )
+    # Compute the time until the pile rests. It is a multiple of the time unit of the
+    # grain, in which the grain falls by half its diameter.
+    time_unit_s = _make_grain_scale(config, particle).time_s
+    rest_s = round_to_digits(REST_TIME * time_unit_s, digits=2)
 
-    # Round the sum up to a tenth of a second.
     duration_s = pour_s + fall_s + rest_s
     return math.ceil(10 * duration_s) / 10
 

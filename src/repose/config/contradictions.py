@@ -1,5 +1,8 @@
 """Find settings of different sections that contradict each other.
 
+A problem is a pair of a dotted key and a description of its allowed values. An error
+message puts the description after the word "expected".
+
 Rules between the keys of one section are in its model
 (`repose.common.section.Section.contradictions`).
 """
@@ -24,8 +27,13 @@ from repose.config.models import StudySettings, select_valid_sections
 # Rounding errors may put a product just below an integer: 0.7 * 90 is 62.99999. This
 # number is added before the decimals are cut off. It is larger than any such error.
 ROUNDING_MARGIN = 1e-9
-# Pairs of a dotted key and its allowed values.
-KeyFaults = Iterator[tuple[str, str]]
+# Positions of these parts of the design in the list `network.split`.
+TRAINING_PART = 0
+VALIDATION_PART = 1
+# The noise is estimated from the scatter of the runs of a sample, which needs two runs.
+MIN_RUNS_FOR_NOISE = 2
+# Problems: pairs of a dotted key and its allowed values.
+KeyProblems = Iterator[tuple[str, str]]
 
 
 class Rule(NamedTuple):
@@ -35,13 +43,13 @@ class Rule(NamedTuple):
     ----------
     reads : tuple of str
         Sections, and keys outside sections, on which the rule depends. The rule is
-        applied only if none of them has a fault.
-    find_faults : callable
-        Function that yields the dotted key and the allowed values of each fault.
+        applied only if all of them are valid. It must list what the function reads.
+    find_problems : callable
+        Function that yields the dotted key and the allowed values of each problem.
     """
 
     reads: tuple[str, ...]
-    find_faults: Callable[[], KeyFaults]
+    find_problems: Callable[[], KeyProblems]
 
 
 def list_rules_before_computing(config: Mapping[str, Any]) -> list[Rule]:
@@ -53,22 +61,37 @@ def list_rules_before_computing(config: Mapping[str, Any]) -> list[Rule]:
     Parameters
     ----------
     config : mapping
-        The configuration, in which sections may be missing or faulty.
+        The configuration, in which sections may be missing or invalid.
+
+    Returns
+    -------
+    list of Rule
+        The rules, in the order in which they are applied.
     """
     settings = select_valid_sections(config)
     return [
-        Rule(("targets",), partial(_find_target_faults, settings, config)),
-        Rule(("parameters", "simulation"), partial(_find_contact_law_faults, settings)),
+        Rule(("targets",), partial(_find_target_problems, settings, config)),
+        Rule(
+            ("parameters", "simulation"), partial(_find_contact_law_problems, settings)
+        ),
     ]
 
 
 def list_rules_after_computing(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules that are applied when every `auto` has been replaced by a number.
 
+    The tuple `reads` of each rule must name every section that its function uses,
+    because a rule is applied only if these sections are valid.
+
     Parameters
     ----------
     config : mapping
-        The configuration, in which sections may be missing or faulty.
+        The configuration, in which sections may be missing or invalid.
+
+    Returns
+    -------
+    list of Rule
+        The rules of the bench tests in use, and the rules of the calibration.
     """
     from repose.calibrate.strategies import cost
 
@@ -77,38 +100,39 @@ def list_rules_after_computing(config: Mapping[str, Any]) -> list[Rule]:
     bench_tests_in_use = find_tests_in_use(config)
     test_names = [test.name for test in bench_tests_in_use]
 
-    # Each bench test has rules of its own.
+    # Each bench test has rules of its own. They read the section of the bench test.
     test_rules = []
     for test in bench_tests_in_use:
         rule = Rule(
             reads=(test.name, "simulation"),
-            find_faults=partial(test.contradictions, scene),
+            find_problems=partial(test.contradictions, scene),
         )
         test_rules.append(rule)
 
-    # The other rules are about the method of the calibration.
+    # The other rules are about the method of the calibration. A strategy's section has
+    # the name of the strategy.
     strategy_names = cost.list_strategies_with_section()
     return [
         *test_rules,
         Rule(
             reads=("surrogate", "parameters", "network", "design"),
-            find_faults=partial(_find_surrogate_faults, settings),
+            find_problems=partial(_find_surrogate_problems, settings),
         ),
         Rule(
             reads=("surrogate", "network", "design", "targets"),
-            find_faults=partial(_find_validation_faults, settings),
+            find_problems=partial(_find_validation_problems, settings),
         ),
         Rule(
             reads=("network", "targets", "strategy", "refine", *test_names),
-            find_faults=partial(_find_seed_faults, settings),
+            find_problems=partial(_find_replicate_problems, settings),
         ),
         Rule(
             reads=("strategy", *strategy_names, "targets", "parameters"),
-            find_faults=partial(_find_strategy_faults, settings),
+            find_problems=partial(_find_strategy_problems, settings),
         ),
         Rule(
             reads=("strategy", "parameters", "constraints"),
-            find_faults=partial(_find_constraint_faults, settings),
+            find_problems=partial(_find_constraint_problems, settings),
         ),
     ]
 
@@ -118,8 +142,8 @@ def find_tests_in_use(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
     return [test for test in bench_tests() if test.name in config]
 
 
-def _find_strategy_faults(settings: StudySettings) -> KeyFaults:
-    """Yield a fault for each value with which the strategy cannot run."""
+def _find_strategy_problems(settings: StudySettings) -> KeyProblems:
+    """Yield a problem for each value with which the strategy cannot run."""
     from repose.calibrate.strategies import cost
 
     name = settings.strategy
@@ -131,54 +155,62 @@ def _find_strategy_faults(settings: StudySettings) -> KeyFaults:
     )
 
 
-def _find_constraint_faults(settings: StudySettings) -> KeyFaults:
-    """Yield a fault for each constraint that the study cannot obey.
+def _find_constraint_problems(settings: StudySettings) -> KeyProblems:
+    """Yield a problem for each constraint that the study cannot obey.
 
-    The constraints may allow too small a part of the ranges, or the strategy may not
-    support constraints.
+    A constraint is an inequality between two parameters. The constraints may allow too
+    small a part of the parameter ranges, or the strategy may not support constraints.
     """
     if settings.constraints is None:
         return
     entries = settings.parameters.entries
     for key, allowed in find_constraint_faults(settings.constraints, entries, ALLOWED):
-        # The key is a position in the list, or empty for the list as a whole.
+        # The key is a position in the list, or empty for the list as a whole. An empty
+        # key would leave a dot at the end.
         yield f"constraints.{key}".rstrip("."), allowed
     if not strategy(settings.strategy).obeys_constraints:
+        # The allowed values are the strategies that support constraints.
         yield "strategy", obeying_strategies()
 
 
-def _find_surrogate_faults(settings: StudySettings) -> KeyFaults:
-    """Yield a fault if the design has too few training samples for the surrogate."""
-    from repose.calibrate.surrogates import names, surrogate_class
+def _find_surrogate_problems(settings: StudySettings) -> KeyProblems:
+    """Yield a problem if the design has too few training samples for the surrogate.
 
-    n_training = _count_design_samples(settings, part=0)
-    n_needed = surrogate_class(settings.surrogate).least_samples(settings.free)
+    A surrogate is a fast model that stands for the simulator.
+    """
+    # Import the surrogates only here, because their libraries take time to load.
+    from repose.calibrate import surrogates
+
+    n_training = _count_design_samples(settings, part=TRAINING_PART)
+    n_needed = surrogates.surrogate_class(settings.surrogate).least_samples(
+        settings.free
+    )
     if n_training >= n_needed:
         return
 
-    # Name the surrogates that need no more samples than there are.
+    # Name the surrogates that need no more samples than there are. Some surrogates can
+    # be fitted to any number of samples, so there is at least one.
     suitable = [
         name
-        for name in names()
-        if surrogate_class(name).least_samples(settings.free) <= n_training
+        for name in surrogates.names()
+        if surrogates.surrogate_class(name).least_samples(settings.free) <= n_training
     ]
     yield (
         "surrogate",
-        f"{' or '.join(suitable)} where design.samples times the first of network.split "
-        f"is below {n_needed}",
+        f"{' or '.join(suitable)}, because the number of training samples, design.samples "
+        f"times the first number of network.split, is below {n_needed}",
     )
 
 
-def _find_validation_faults(settings: StudySettings) -> KeyFaults:
-    """Yield a fault if there are too few validation samples to estimate the noise."""
+def _find_validation_problems(settings: StudySettings) -> KeyProblems:
+    """Yield a problem if there are too few validation samples to estimate the noise."""
+    if not settings.network.validation_noise:
+        return
     n_targets = len(settings.targets)
-    if (
-        settings.network.validation_noise
-        and _count_design_samples(settings, part=1) <= n_targets
-    ):
+    if _count_design_samples(settings, part=VALIDATION_PART) <= n_targets:
         yield (
             "network.split",
-            f"a second share that leaves more than {n_targets} validation samples, or "
+            f"a second fraction that leaves more than {n_targets} validation samples, or "
             "network.validation_noise: false",
         )
 
@@ -191,14 +223,18 @@ def _count_design_samples(settings: StudySettings, part: int) -> int:
     settings : StudySettings
         The study; its sections `network` and `design` are read.
     part : int
-        0 for the training samples, 1 for the validation samples.
+        The part: `TRAINING_PART` or `VALIDATION_PART`.
     """
     n_samples = settings.network.split[part] * settings.design.samples
     return int(n_samples + ROUNDING_MARGIN)
 
 
-def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
-    """Yield faults: laws without their parameters, and parameters without their law."""
+def _find_contact_law_problems(settings: StudySettings) -> KeyProblems:
+    """Yield a problem for each law without parameters, and parameter without a law.
+
+    An error message has the form "KEY VALUE: expected ALLOWED", and the second part of
+    each pair takes the place of ALLOWED.
+    """
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law
     entries = settings.parameters.entries
@@ -222,37 +258,43 @@ def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
         if name not in entries or has_law:
             continue
         laws = " or ".join(parameter.laws)
-        # Only contact laws have parameters that must be given.
-        if parameter.needed:
+        # All additional parameters of contact laws are needed. Those of rolling laws
+        # are optional (`repose.bench.parameters`).
+        is_contact_law_parameter = parameter.needed
+        if is_contact_law_parameter:
             law_setting = f"simulation.contact_law {laws}, not {contact_law}"
         else:
             law_setting = f"simulation.rolling_law {laws}, not {rolling_law}"
         yield f"parameters.{name}", f"absent: it belongs to {law_setting}"
 
 
-def _find_seed_faults(settings: StudySettings) -> KeyFaults:
-    """Yield a fault for each bench test with fewer than two runs of a sample.
+def _find_replicate_problems(settings: StudySettings) -> KeyProblems:
+    """Yield a problem for each bench test with fewer than two runs of a sample.
 
-    With `network.replicates` the noise is estimated from several runs of one sample.
+    If `network.replicates` is true, the noise is estimated from several runs of the
+    same sample, which differ only in their seeds.
     """
     if not settings.network.replicates:
         return
     test_names = dict.fromkeys(target.apparatus for target in settings.targets)
     for name in test_names:
-        if settings.count_design_seeds(name) < 2:
-            # Some strategies have a key of their own for the number of runs.
+        if settings.count_design_seeds(name) < MIN_RUNS_FOR_NOISE:
+            # Some strategies have a key of their own for the number of runs. Otherwise
+            # it is a key of the bench test.
             strategy_key = strategy(settings.strategy).seeds_key
             yield (
                 strategy_key or f"{name}.seeds",
-                "at least 2, or network.replicates: false, since single runs show no "
-                "noise",
+                f"at least {MIN_RUNS_FOR_NOISE}, or network.replicates: false, since single "
+                "runs show no noise",
             )
 
 
-def _find_target_faults(
+def _find_target_problems(
     settings: StudySettings, config: Mapping[str, Any]
-) -> KeyFaults:
-    """Yield a fault for each target that is repeated or lacks its bench test.
+) -> KeyProblems:
+    """Yield a problem for each target that is repeated or lacks its bench test.
+
+    The key `apparatus` of a target names its bench test.
 
     Parameters
     ----------
@@ -272,7 +314,8 @@ def _find_target_faults(
         if target.apparatus not in config:
             yield (
                 f"{key}.apparatus",
-                "a bench test that has a section of its name in the configuration",
+                "a bench test whose settings are in the configuration, in a section with "
+                "the name of the bench test",
             )
         if target.response in earlier_responses:
             yield f"{key}.response", "each response once"

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.bench import bench
 from repose.bench.parameters import parameters_among
@@ -52,9 +52,28 @@ N_TIMED_POURS = 3
 BYTES_PER_GRAIN = 62
 # Keys that set the number of runs of a parameter set end with one of these strings.
 SEED_KEY_ENDINGS = ("seeds", "checks")
-# The runs of a study. Each entry has a purpose, the number of parameter sets and the
-# number of seeds of each set. Entries for the check of an answer are `CheckRuns`.
-Pours = Sequence[tuple[str, int, int]]
+# The runs of a study in each bench test. Each entry has a purpose, the number of
+# parameter sets, and the number of seeds of each set. A run has one seed. Entries for
+# the check of an answer are `CheckRuns`, a named tuple of the same three items.
+PlannedRuns = Sequence[tuple[str, int, int]]
+
+
+class StudyCost(NamedTuple):
+    """The runs of a study and their time on one core.
+
+    Attributes
+    ----------
+    runs : sequence of (str, int, int)
+        The runs that each bench test of the targets makes.
+    funnel_run_s : float
+        Time of one run of the funnel, with its measurement [s].
+    total_s : float
+        Time of the whole study [s].
+    """
+
+    runs: PlannedRuns
+    funnel_run_s: float
+    total_s: float
 
 
 def estimate_run_s(
@@ -121,14 +140,18 @@ def _list_tests_of_targets(settings: StudySettings) -> list[str]:
     return list(dict.fromkeys(target.apparatus for target in settings.targets))
 
 
-def list_strategy_pours(settings: StudySettings, name: str) -> Pours | None:
-    """List the largest numbers of runs of a strategy; None for the article's method."""
+def list_strategy_runs(settings: StudySettings, name: str) -> PlannedRuns | None:
+    """List the runs that a strategy makes at most; None if it does not state them.
+
+    The article's method, the strategy `published`, is such a strategy;
+    `list_article_runs` lists its runs.
+    """
     return strategies.count_max_runs(
         name, settings.get_strategy_section(name), settings.free
     )
 
 
-def explain_strategy_misfit(settings: StudySettings, name: str) -> str | None:
+def explain_why_unusable(settings: StudySettings, name: str) -> str | None:
     """Explain why a strategy cannot run with this configuration; None if it can."""
     section = settings.get_strategy_section(name)
     return strategies.describe_obstacle(
@@ -169,8 +192,7 @@ def measure_grain_step_s(
     """Measure how long one time step of one grain takes on a core of this machine.
 
     A small pile is poured a few times, which takes about half a second each. The first
-    call on a machine also compiles the engine. Time that other programs used is
-    subtracted.
+    call on a machine also compiles the engine.
 
     Parameters
     ----------
@@ -204,19 +226,21 @@ def measure_grain_step_s(
         "rest_window_s": TIMED_REST_WINDOW_S,
     }
     small_config = {**config, "funnel": small_funnel}
+    # Use the middle of the range of each parameter.
     parameters = contact_space(settings.parameters.entries).centre
 
-    # The fastest pour was disturbed least by other programs.
-    grain_steps_s = []
+    # Each measurement already excludes the time in which this process had to wait for
+    # the processor. Other programs also slow the memory, so take the fastest pour.
+    grain_step_times_s = []
     for _ in range(N_TIMED_POURS):
         scene = Scene.of(
             small_config, parameters, grain=grain, particle=particle, seed=1
         )
-        grain_steps_s.append(_time_grain_step_s(scene, n_grains))
-    return min(grain_steps_s)
+        grain_step_times_s.append(_measure_cpu_time_per_grain_step_s(scene, n_grains))
+    return min(grain_step_times_s)
 
 
-def _time_grain_step_s(scene: "Scene", n_grains: int) -> float:
+def _measure_cpu_time_per_grain_step_s(scene: "Scene", n_grains: int) -> float:
     """Pour grains once, and measure the processor time of one step of one grain [s].
 
     Parameters
@@ -225,7 +249,13 @@ def _time_grain_step_s(scene: "Scene", n_grains: int) -> float:
         The scene of the pour.
     n_grains : int
         The number of grains in it.
+
+    Returns
+    -------
+    float
+        Time [s].
     """
+    # Import the engine only here, because most estimates do not need it.
     from repose.bench.funnel import FunnelTest
 
     start_s = time.perf_counter()
@@ -235,7 +265,8 @@ def _time_grain_step_s(scene: "Scene", n_grains: int) -> float:
     cpu_s = time.process_time() - cpu_start_s
 
     # The run gives its wall time per step in microseconds. Count only the fraction of
-    # the time in which this process had the core.
+    # this time in which the process was running on a processor. With several threads
+    # the processor time may exceed the wall time, so limit the fraction to 1.
     cpu_fraction = cpu_s / (time.perf_counter() - start_s)
     return 1e-6 * min(1.0, cpu_fraction) * run.us_per_step / n_grains
 
@@ -243,9 +274,12 @@ def _time_grain_step_s(scene: "Scene", n_grains: int) -> float:
 def estimate_work(
     config: Config,
     grain_step_s: float = SECONDS_PER_GRAIN_STEP,
-    pours: Pours | None = None,
-) -> dict[str, Any]:
-    """Estimate the cost of a study on one core.
+    runs: PlannedRuns | None = None,
+) -> StudyCost:
+    """Estimate the number of runs of a study, and their time on one core.
+
+    The article's method is the strategy `published`: a design, a surrogate that learns
+    from it, and a search. Other strategies only make runs.
 
     Parameters
     ----------
@@ -253,58 +287,62 @@ def estimate_work(
         The configuration.
     grain_step_s : float
         Time for one step of one grain [s].
-    pours : sequence, optional
-        The runs of a strategy, from `list_strategy_pours`. The default is the runs of
+    runs : sequence of (str, int, int), optional
+        The runs of a strategy, from `list_strategy_runs`. The default is the runs of
         the article's method.
 
     Returns
     -------
-    dict
-        ``pours``: the runs that each bench test of the targets makes. ``pour_s``: time
-        of one run of the funnel, with its measurement [s]. ``total_s``: time of the
-        whole study [s].
+    StudyCost
+        The runs and their time. The configuration must have a section `funnel`.
     """
     settings = select_valid_sections(config)
     target_tests = _list_tests_of_targets(settings)
 
     # Estimate the time of one run in each bench test. Include the drum, because it
-    # checks the answer of every study. In the funnel the pile is also measured in
-    # several views.
+    # checks the answer of every study that has a section `drum`. `dict.fromkeys`
+    # removes duplicate names and keeps their order.
     run_times_s = {}
     for test in dict.fromkeys(("funnel", *target_tests, "drum")):
         if settings.get_bench_section(test) is not None:
             run_times_s[test] = estimate_run_s(config, test, grain_step_s)
+    # In the funnel the pile is also measured in several views.
     run_times_s["funnel"] += SECONDS_PER_VIEW * settings.measure.views
 
     # Add up the runs. The article's method has further work besides the runs.
-    if pours is None:
-        pours = list_article_pours(settings)
-        total_s = _compute_article_time_s(settings, pours, run_times_s)
+    if runs is None:
+        runs = list_article_runs(settings)
+        total_s = _compute_article_time_s(settings, runs, run_times_s)
     else:
         target_times_s = [run_times_s[test] for test in target_tests]
-        total_s = _compute_strategy_time_s(pours, target_times_s)
-    return {"pours": pours, "pour_s": run_times_s["funnel"], "total_s": total_s}
+        total_s = _compute_time_of_runs_s(runs, target_times_s)
+    return StudyCost(runs, funnel_run_s=run_times_s["funnel"], total_s=total_s)
 
 
-def _compute_strategy_time_s(pours: Pours, run_times_s: Iterable[float]) -> float:
-    """Compute the time of the runs of a strategy on one core [s].
+def _compute_time_of_runs_s(runs: PlannedRuns, run_times_s: Iterable[float]) -> float:
+    """Compute the time of runs that are repeated in several bench tests, on one core.
 
     Parameters
     ----------
-    pours : sequence of (str, int, int)
-        The runs of the strategy: purpose, number of parameter sets, seeds of each set.
-        All seeds of a parameter set are one job.
+    runs : sequence of (str, int, int)
+        The runs in each bench test: purpose, number of parameter sets, and seeds of
+        each set. All seeds of a parameter set are one job.
     run_times_s : iterable of float
-        Time of one run in each bench test of the targets [s].
+        Time of one run in each of the bench tests [s].
+
+    Returns
+    -------
+    float
+        Time [s].
     """
     total_s = 0.0
     for run_s in run_times_s:
-        for _purpose, n_sets, n_seeds in pours:
+        for _purpose, n_sets, n_seeds in runs:
             total_s += n_sets * (JOB_START_S + n_seeds * run_s)
     return total_s
 
 
-def list_article_pours(settings: StudySettings, test: str = "funnel") -> Pours:
+def list_article_runs(settings: StudySettings, test: str = "funnel") -> PlannedRuns:
     """List the runs of the article's method in a bench test.
 
     The runs of another program belong to no bench test, whose name is then empty.
@@ -317,35 +355,47 @@ def list_article_pours(settings: StudySettings, test: str = "funnel") -> Pours:
     )
 
 
-def count_runs(pours: Pours) -> int:
-    """Count the runs of all purposes."""
-    return sum(n_sets * n_seeds for _, n_sets, n_seeds in pours)
+def count_runs(runs: PlannedRuns) -> int:
+    """Count the runs of all purposes in one bench test."""
+    return sum(n_sets * n_seeds for _, n_sets, n_seeds in runs)
 
 
 def _compute_article_time_s(
-    settings: StudySettings, pours: Pours, run_times_s: Mapping[str, float]
+    settings: StudySettings, funnel_runs: PlannedRuns, run_times_s: Mapping[str, float]
 ) -> float:
-    """Compute how long a study by the article's method takes on one core [s].
+    """Compute how long a study by the article's method takes on one core.
+
+    The article's method is the strategy `published`. It begins with runs in the funnel,
+    repeats their parameter sets in the other bench tests of the targets, and checks its
+    answer in the drum.
 
     Parameters
     ----------
     settings : StudySettings
         The study.
-    pours : sequence of (str, int, int)
+    funnel_runs : sequence of (str, int, int)
         The runs in the funnel: purpose, number of parameter sets, seeds of each set.
     run_times_s : mapping of str to float
         Time of one run in each bench test [s].
-    """
-    total_s = OTHER_WORK_S + _compute_strategy_time_s(pours, [run_times_s["funnel"]])
 
-    # The drum runs with the answer, even if no target is a response of the drum. Each
-    # of its runs is a job.
+    Returns
+    -------
+    float
+        Time [s].
+    """
+    # Other work is everything besides the runs.
+    total_s = OTHER_WORK_S
+    total_s += _compute_time_of_runs_s(funnel_runs, [run_times_s["funnel"]])
+
+    # The answer is simulated in the drum, even if no target is a response of the drum.
+    # Each of these runs is a job.
     if settings.get_bench_section("drum") is not None:
         total_s += settings.count_seeds("drum") * (JOB_START_S + run_times_s["drum"])
 
-    # All parameter sets run in every bench test of the targets. The funnel was counted
-    # above.
-    n_sets = sum(n_sets for _purpose, n_sets, _n_seeds in pours)
+    # All parameter sets are simulated in every bench test of the targets. The funnel
+    # was counted above. If the drum is a bench test of a target, these runs come in
+    # addition to those that check the answer.
+    n_sets = sum(n_sets for _purpose, n_sets, _n_seeds in funnel_runs)
     for test in _list_tests_of_targets(settings):
         if test != "funnel":
             n_seeds = settings.count_design_seeds(test)
@@ -378,7 +428,9 @@ STUDY_SUMMARIES = {
 def describe_costs(config: Config) -> dict[str, str]:
     """Describe the runs and the time of each study in `STUDY_SUMMARIES`.
 
-    Work with the surrogate alone takes seconds to minutes and is not counted.
+    A study is one of the targets of `repose run`, such as the calibration. Work with
+    the surrogate alone takes seconds to minutes and is not counted. The runs of the
+    funnel are called pours in the text.
 
     Parameters
     ----------
@@ -388,34 +440,37 @@ def describe_costs(config: Config) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        For each study by its name, a description of how many pours it makes, and how
-        long they take on one core.
+        For each study by its name, a description of how many runs it makes in the
+        funnel, and how long they take on one core.
     """
     settings = select_valid_sections(config)
     calibration = estimate_work(config)
-    n_calibration = count_runs(calibration["pours"])
-    minutes = calibration["total_s"] / 60
+    n_calibration_runs = count_runs(calibration.runs)
+    minutes = calibration.total_s / 60
     test_names = {test.name for test in find_tests_in_use(config)}
     other_tests = "" if test_names == {"funnel"} else " and the other bench tests"
 
+    # The refined study makes single runs, and then repeats its answer with several
+    # seeds.
+    n_refined_runs = settings.refine.pours + settings.refine.seeds
+    n_published_runs = _count_published_sets(settings) * settings.validation.seeds
+
     # Three studies make runs. All others reuse the runs of the calibration.
-    n_refined = settings.refine.pours + settings.refine.seeds
-    n_published = _count_published_sets(settings) * settings.validation.seeds
-    pour_s = calibration["pour_s"]
+    run_s = calibration.funnel_run_s
     return dict.fromkeys(STUDY_SUMMARIES, "no pours besides the calibration") | {
         "calibration": (
-            f"{n_calibration} pours{other_tests}, about {minutes:.0f} min on one core"
+            f"{n_calibration_runs} pours{other_tests}, about {minutes:.0f} min on one core"
         ),
-        "refined": _describe_pours(n_refined, pour_s),
-        "published_sets": _describe_pours(n_published, pour_s),
+        "refined": _describe_further_runs(n_refined_runs, run_s),
+        "published_sets": _describe_further_runs(n_published_runs, run_s),
     }
 
 
-def _describe_pours(n_pours: int, pour_s: float) -> str:
-    """Describe a number of runs that are made besides those of the calibration."""
-    minutes = n_pours * pour_s / 60
+def _describe_further_runs(n_runs: int, run_s: float) -> str:
+    """Describe runs in the funnel that are made besides those of the calibration."""
+    minutes = n_runs * run_s / 60
     return (
-        f"{n_pours} pours, about {minutes:.0f} min on one core, besides the calibration"
+        f"{n_runs} pours, about {minutes:.0f} min on one core, besides the calibration"
     )
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from repose.bench import bench, bench_tests
+from repose.calibrate import strategies
 from repose.calibrate.seeds import UNNAMED
-from repose.calibrate.strategies import names, strategy
 from repose.calibrate.targets import OWN_BENCH
 from repose.common import attached
 from repose.common.errors import InputError
@@ -153,6 +153,8 @@ def _select_settings_with_paths(
 ) -> dict[str, Any]:
     """Select the settings of a stage, and of the stages whose results it reads.
 
+    Files appear as paths; `select_stage_settings` replaces them by hashes.
+
     Parameters
     ----------
     config : mapping
@@ -160,31 +162,39 @@ def _select_settings_with_paths(
     stage : str
         Name of the stage, or `RUNS_OF_TARGETS` for the runs of the targets.
     test : str
-        Bench test of a stage that simulates or measures.
+        Bench test of a stage that simulates or measures. Other stages ignore it.
     strategy_name : str or None
         Strategy of the stages `propose` and `conclude`; None for any other stage.
 
     Returns
     -------
     dict
-        Values by section or dotted key. Files appear as paths.
+        Values by section or dotted key.
     """
+    # A stage that simulates or measures depends on a bench test or on a program.
     if stage in STAGES_OF_EXTERNAL_RUNS and is_external(config):
         return _select_external_run_settings(config)
     if stage in STAGES_OF_RUNS:
-        return _select_settings_of_runs(config, stage, test)
+        return _select_settings_of_run_stage(config, stage, test)
+
+    # A stage that may read any key depends on all of them.
     keys = _find_keys_of_stage(stage, strategy_name)
     if keys is None:
         return _select_all_settings(config)
 
-    # A stage also depends on the settings of the stages whose results it reads.
+    # A stage also depends on the settings of the stages whose results it reads. These
+    # stages do not depend on a strategy.
     selected: dict[str, Any] = {}
     for source_stage in STAGE_SOURCES.get(stage, ()):
-        selected |= _select_settings_with_paths(config, source_stage, test, None)
+        selected |= _select_settings_with_paths(
+            config, source_stage, test, strategy_name=None
+        )
     return selected | select_sections(config, *keys)
 
 
-def _select_settings_of_runs(config: Config, stage: str, test: str) -> dict[str, Any]:
+def _select_settings_of_run_stage(
+    config: Config, stage: str, test: str
+) -> dict[str, Any]:
     """Select the settings of a stage that simulates or measures with our simulator.
 
     Parameters
@@ -194,22 +204,25 @@ def _select_settings_of_runs(config: Config, stage: str, test: str) -> dict[str,
     stage : str
         One of `STAGES_OF_RUNS`.
     test : str
-        Bench test of the runs.
+        Bench test of the runs. It is ignored for the runs of all targets, and for the
+        stage `drum`, which has a bench test of its own.
 
     Returns
     -------
     dict
         Values by section or dotted key. Files appear as paths.
     """
-    # All of them depend on the grain.
+    # Every run depends on the grain, whose settings are those of the stage `shape`.
     grain = select_sections(config, *STAGE_KEYS["shape"])
     if stage == RUNS_OF_TARGETS:
-        return grain | _select_target_run_settings(config)
+        return grain | _select_settings_of_all_targets(config)
+
+    # These two stages only simulate. Another stage measures their runs.
     if stage == "pour":
         return grain | select_simulation_settings(config, test)
     if stage == "drum":
         return grain | select_simulation_settings(config, "drum")
-    return grain | _select_run_settings(config, test)
+    return grain | _select_settings_of_measured_run(config, test)
 
 
 def _find_keys_of_stage(
@@ -227,16 +240,20 @@ def _find_keys_of_stage(
     Returns
     -------
     tuple of str, or None
-        Sections, dotted keys and entries such as `RESPONSES`. None if the stage may
-        read any key.
+        Sections, dotted keys, and names of computed entries such as `RESPONSES`. None
+        if the stage may read any key.
     """
+    # A stage that `STAGE_KEYS` does not list may read any key.
     stage_keys = STAGE_KEYS.get(stage)
     if strategy_name is None:
         return stage_keys
-    # A strategy need not declare which keys it reads.
-    strategy_keys = strategy(strategy_name).reads
+
+    # A strategy need not declare which keys it reads. It may then read any key.
+    strategy_keys = strategies.strategy(strategy_name).reads
     if strategy_keys is None:
         return None
+
+    # A stage of a strategy, such as `propose`, may read only the keys of the strategy.
     return (*(stage_keys or ()), *strategy_keys)
 
 
@@ -254,16 +271,17 @@ def _select_external_run_settings(config: Config) -> dict[str, Any]:
     ) | select_responses(config)
 
 
-def _select_target_run_settings(config: Config) -> dict[str, Any]:
+def _select_settings_of_all_targets(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of all targets, and their parameters."""
     selected = select_sections(config, "parameters")
+    # Several targets can share a bench test.
     tests = dict.fromkeys(target.apparatus for target in make_targets(config))
     for test in tests:
-        selected |= _select_run_settings(config, test)
+        selected |= _select_settings_of_measured_run(config, test)
     return selected | select_responses(config)
 
 
-def _select_run_settings(config: Config, test: str) -> dict[str, Any]:
+def _select_settings_of_measured_run(config: Config, test: str) -> dict[str, Any]:
     """Select the settings for a run of a bench test and for its measurement."""
     return select_simulation_settings(config, test) | select_measurement_settings(
         config, test
@@ -272,6 +290,8 @@ def _select_run_settings(config: Config, test: str) -> dict[str, Any]:
 
 def select_sections(config: Config, *keys: str) -> dict[str, Any]:
     """Select sections, single dotted keys, and computed entries such as `RESPONSES`.
+
+    The result is a flat mapping. A new kind of computed entry needs a branch here.
 
     Parameters
     ----------
@@ -287,7 +307,8 @@ def select_sections(config: Config, *keys: str) -> dict[str, Any]:
     """
     selected: dict[str, Any] = {}
     for key in keys:
-        # Some entries are not keys of a configuration, but are computed from it.
+        # Computed entries come first. Two of them have several keys, which are merged
+        # into the result.
         if key == RESPONSES:
             selected |= select_responses(config)
         elif key == SIMULATOR:
@@ -299,7 +320,8 @@ def select_sections(config: Config, *keys: str) -> dict[str, Any]:
         else:
             selected[key] = _sort_mappings(lookup(config, key))
 
-        # Constraints belong to the parameters, and few studies have any.
+        # The constraints are a key of their own, but belong to the parameters. A study
+        # without constraints does not get this key, so that its settings stay the same.
         if key == "parameters" and config.get("constraints"):
             selected["constraints"] = list(config["constraints"])
     return selected
@@ -376,8 +398,12 @@ def hash_scene(config: Config) -> str:
     """Hash everything besides the engine that a measured run depends on.
 
     The hash covers the grain, the bench tests of the targets, and the section `measure`
-    without `measure.response`. This key only chooses the angle that is calibrated, and
-    each run is measured by every definition of the angle.
+    without its key `response`. The key `measure.response` chooses the definition of the
+    angle that is calibrated. It does not change a measured run, because each run is
+    measured by every definition.
+
+    For a study with a user's own program, the hash covers the settings of this program
+    instead.
 
     Parameters
     ----------
@@ -392,7 +418,8 @@ def hash_scene(config: Config) -> str:
     if is_external(config):
         return hash_content(_select_external_run_settings(config))
 
-    # Leave out the choice of the calibrated angle.
+    # The section of the grain has the name `berry`. Leave out the choice of the
+    # calibrated angle.
     selected = select_sections(config, "berry", "measure")
     measure = dict(selected["measure"])
     measure.pop("response", None)
@@ -407,7 +434,10 @@ def hash_scene(config: Config) -> str:
 
 
 def select_responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
-    """Select the definitions of the responses of the targets, without their values.
+    """Select which responses the targets have, and how these are defined.
+
+    A response is a quantity that is measured on a run, such as an angle. The measured
+    values of the targets are left out, because they do not change a run.
 
     Parameters
     ----------
@@ -419,11 +449,10 @@ def select_responses(config: Config, apparatus: str | None = None) -> dict[str, 
     Returns
     -------
     dict
-        ``responses``: the names, in the order of the targets. ``profiles``: abscissae
-        and functions of each profile by its name. The key ``profiles`` is absent if no
-        target has a profile.
+        ``responses``: the names, in the order of the targets. ``profiles``: by the name
+        of each profile, the positions at which it is compared. The key ``profiles`` is
+        absent if no target has a profile.
     """
-    # A profile is defined by the points at which it is compared.
     response_names = []
     profiles = {}
     for target in make_targets(config):
@@ -439,25 +468,26 @@ def select_responses(config: Config, apparatus: str | None = None) -> dict[str, 
 
 
 def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
-    """Copy settings, and replace the path of each named file by a hash of its content.
+    """Copy settings, and replace each path of a file by a hash of the file's content.
 
     Parameters
     ----------
     selected : dict
-        Values by section or dotted key. A file may be named by a dotted key, or inside
-        a section.
+        Values by section or dotted key. A path may be the value of a dotted key, or may
+        lie inside a section.
 
     Returns
     -------
     dict
-        The copy.
+        The copy. The argument is not changed.
     """
     hashed = dict(selected)
     for dotted_key in list_file_keys():
         # The key of the file may have been selected on its own.
         if hashed.get(dotted_key) is not None:
             hashed[dotted_key] = _hash_content(hashed[dotted_key])
-        # The whole section around the key may have been selected.
+        # Otherwise the whole section around the key may have been selected. A key at
+        # the top of the configuration has no section, so nothing is found for it.
         section_name, _, key = dotted_key.rpartition(".")
         section = hashed.get(section_name, {})
         if section.get(key) is not None:
@@ -492,7 +522,7 @@ class Difference(NamedTuple):
 
 
 def find_difference(
-    config: Config, record: Record | None, compares_engine: bool = True
+    config: Config, record: Record | None, compare_engine: bool = True
 ) -> Difference | None:
     """Find the first setting in which a result differs from the study.
 
@@ -502,8 +532,8 @@ def find_difference(
         The resolved configuration of the study.
     record : mapping or None
         The record of the result; None if the result has no record.
-    compares_engine : bool
-        Whether to compare the engine as well.
+    compare_engine : bool
+        Whether to compare the engine as well. The record has a hash of its code.
 
     Returns
     -------
@@ -514,7 +544,8 @@ def find_difference(
     if record is None or not _is_comparable(config, record):
         return None
 
-    # Compare the settings.
+    # Compare the settings. A record has the name of the stage under the key `verb`, and
+    # that of the bench test under `apparatus`.
     recorded = record["settings"]
     current_settings = select_stage_settings(
         config,
@@ -526,9 +557,9 @@ def find_difference(
     if recorded != current:
         return _find_first_difference(recorded, current)
 
-    # Compare the engine. The record of a result that depends on no run has none.
+    # Compare the engine. If a result depends on no run, its record has no engine.
     recorded_engine = record["engine"]
-    if compares_engine and recorded_engine not in (None, engine_hash()):
+    if compare_engine and recorded_engine not in (None, engine_hash()):
         return Difference("engine", recorded=recorded_engine, current=engine_hash())
     return None
 
@@ -541,22 +572,29 @@ def _is_comparable(config: Config, record: Record) -> bool:
     config : mapping
         The resolved configuration of the study.
     record : mapping
-        The record of the result.
+        The record of the result. Its key `verb` has the name of the stage, and its key
+        `apparatus` the name of the bench test.
     """
     # Before version 0.5 a record had only a hash of its settings.
     has_settings = isinstance(record["settings"], Mapping)
     if record["verb"] not in COMPARED_STAGES or not has_settings:
         return False
 
-    # The settings of an unknown bench test or strategy cannot be selected in the study.
-    knows_bench_test = record.get("apparatus") in (None, OWN_BENCH, *config)
+    # The study has no settings to compare if it lacks the bench test or the strategy. A
+    # bench test in the study has a section with its name, so look for it among the
+    # sections.
+    bench_test_name = record.get("apparatus")
+    has_bench_test = bench_test_name in (None, OWN_BENCH, *config)
     strategy_name = record.get("strategy")
-    knows_strategy = strategy_name is None or strategy_name in names()
-    return knows_bench_test and knows_strategy
+    has_strategy = strategy_name is None or strategy_name in strategies.names()
+    return has_bench_test and has_strategy
 
 
 def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Difference:
-    """Find the first key whose values differ, at the deepest level.
+    """Find the first single setting that differs between a result and the study.
+
+    The function calls itself for sections, until it reaches a single setting. A key
+    that one side lacks has the value None there.
 
     Parameters
     ----------
@@ -568,8 +606,9 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
     Returns
     -------
     Difference
+        The dotted key of the setting, and both of its values.
     """
-    # In two sections, search the first key whose values differ.
+    # In two sections, look for the first key whose values differ.
     if isinstance(recorded, Mapping) and isinstance(current, Mapping):
         for key in _sort_keys_with_scene_last({*recorded, *current}):
             recorded_part = recorded.get(key)
@@ -578,9 +617,9 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
                 inner_prefix = f"{prefix}.{key}"
                 return _find_first_difference(recorded_part, current_part, inner_prefix)
 
-    # In two lists of sections, search the first section that differs. A list of plain
+    # In two lists of sections, look for the first section that differs. A list of plain
     # values, such as a range, is reported as a whole.
-    if _are_lists_of_one_length(recorded, current):
+    if _are_lists_of_same_length(recorded, current):
         for position, recorded_part in enumerate(recorded):
             current_part = current[position]
             if recorded_part != current_part and isinstance(recorded_part, Mapping):
@@ -599,7 +638,7 @@ def _sort_keys_with_scene_last(keys: Iterable[str]) -> list[str]:
     return sorted(keys, key=lambda key: (key == SCENE, key))
 
 
-def _are_lists_of_one_length(one: Any, other: Any) -> bool:
+def _are_lists_of_same_length(one: Any, other: Any) -> bool:
     """Tell whether two values are lists of the same length."""
     return isinstance(one, list) and isinstance(other, list) and len(one) == len(other)
 
@@ -607,37 +646,42 @@ def _are_lists_of_one_length(one: Any, other: Any) -> bool:
 def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
     """Raise InputError if an input of a stage was made with other settings.
 
+    Only the first such input is reported. The engine is not compared, because a stage
+    may read results of an earlier engine.
+
     Parameters
     ----------
     config : mapping
         The resolved configuration of the stage.
     inputs : iterable of (Path, mapping or None)
-        Files with their records.
+        Files with their records of provenance.
     source : str
         The file of the configuration, for the message.
     """
     for path, record in inputs:
-        difference = find_difference(config, record, compares_engine=False)
+        difference = find_difference(config, record, compare_engine=False)
         if difference is None:
             continue
 
-        # The key may name a file, in which case hashes are compared. If there is no
-        # hash, the file is missing, probably because the user called the subcommand in
-        # another folder.
+        # If the value of a key is the path of a file, `find_difference` compares hashes
+        # of its content. A hash of None means that the file is missing, probably
+        # because the user called the subcommand in another folder.
         named_file = get_value(config, difference.key)
         if difference.current is None and isinstance(named_file, str):
             raise InputError(
                 source,
                 key=difference.key,
                 value=named_file,
-                allowed=f"a file of the study of {path}; it is not found from this folder",
+                allowed=f"the path of an existing file, which {path} depends on; the path is "
+                "relative to the folder in which you call repose",
             )
         raise InputError(
             path,
             key=difference.key,
             value=difference.recorded,
-            allowed=f"{difference.current}, as in {source}: results of one study; give the "
-            "configuration of this file, or make the file again with this one",
+            allowed=f"{difference.current}, as in {source}, because all files must be results of "
+            f"one study; give the configuration with which {path} was made, or make {path} "
+            f"again with {source}",
         )
 
 
@@ -664,7 +708,7 @@ def find_outdated_files(config: Config, paths: Iterable[str | PathLike]) -> list
 
 
 def find_own_dataset(config: Config) -> Path | None:
-    """Find the table of the samples that the study itself has made.
+    """Find the table of samples in the study's own folder of results.
 
     Parameters
     ----------
@@ -674,23 +718,25 @@ def find_own_dataset(config: Config) -> Path | None:
     Returns
     -------
     Path or None
-        The path of dataset.csv. None if the study has no table of all its piles, if the
-        table, the piles or the grain were made with other settings, or if a pile is
-        newer than the table.
+        The path of dataset.csv. None if the table is missing or lacks piles of the
+        study, or if the table, a pile or the grain was made with other settings.
     """
+    # The piles are the measured samples of the funnel, which is the unnamed bench test.
     folder = Path(config["results_dir"])
     table = folder / "dataset.csv"
     piles = list(folder.glob(f"{name_run_folder(UNNAMED)}/*.json"))
     if not piles:
         return None
 
-    # Every file must exist, have a record, and have the settings of the study.
-    files = [*folder.glob("berry/*.json"), *piles, table]
+    # Every file must have a record of provenance, and the settings of the study. A
+    # missing file has no record either.
+    grain_files = folder.glob("berry/*.json")
+    files = [*grain_files, *piles, table]
     lacks_records = any(attached.read_record(path) is None for path in files)
     if lacks_records or find_outdated_files(config, files):
         return None
 
-    # A pile that is newer than the table is not in the table.
+    # A pile that was written after the table is not in it.
     newest_pile_s = max(path.stat().st_mtime for path in piles)
     is_complete = table.stat().st_mtime >= newest_pile_s
     return table if is_complete else None

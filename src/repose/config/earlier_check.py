@@ -42,30 +42,31 @@ def compute_fingerprint(config: Config) -> str:
         The merged values of the files, before the check. Each `auto` is still a string.
     """
     contents = {}
-    for path in _list_named_paths(config):
+    for path in _list_input_paths(config):
         if path is not None and Path(path).is_file():
             contents[str(path)] = hash_file(path)
     code = code_hash(*CHECKING_PACKAGES, follow_imports=False)
     return hash_content({"config": config, "files": contents, "code": code})
 
 
-def _list_named_paths(config: Config) -> list[Any]:
+def _list_input_paths(config: Config) -> list[Any]:
     """List the paths of all files that a check of the configuration reads.
 
     Parameters
     ----------
     config : mapping
-        The configuration, which has not been checked. Instead of a path, it may have no
-        value, or a value of any type.
+        The configuration, which has not been checked.
 
     Returns
     -------
     list
-        The values of the keys that should be paths.
+        The values of the keys that should be paths. A value may be None or have a wrong
+        type, because it has not been checked.
     """
     paths = [get_value(config, key) for key in list_file_keys()]
 
-    # Other tables in the folder of the published solutions are also read.
+    # Other tables in the folder of the published solutions are also read. Its
+    # table1.csv has the published sizes of grains.
     published = get_value(config, "validation.published")
     if isinstance(published, str):
         paths += [*list_tables(published), find_sibling_table(published, "table1.csv")]
@@ -80,12 +81,12 @@ def _list_named_paths(config: Config) -> list[Any]:
 
 
 def read_checked_config(config: Config, fingerprint: str) -> dict[str, Any] | None:
-    """Read the complete configuration that an earlier run made of the same files.
+    """Read the complete configuration that an earlier run made from the same files.
 
     Parameters
     ----------
     config : mapping
-        The merged values of the files, before the check.
+        The merged values of the user's files, before the check.
     fingerprint : str
         The result of `compute_fingerprint` for these values.
 
@@ -99,7 +100,8 @@ def read_checked_config(config: Config, fingerprint: str) -> dict[str, Any] | No
     if not isinstance(folder, str):
         return None
 
-    # Trust only a file that this program wrote and nobody changed.
+    # Trust only a file that this program wrote and nobody changed. The ledger, which
+    # lists such files with a hash of their content, tells so.
     path = Path(folder) / FILE_NAME
     if not (path.is_file() and ledger.is_own_file(path)):
         return None

@@ -17,10 +17,10 @@ from repose.common.numbers import format_significant
 from repose.common.statuses import describe_failure
 from repose.config import loader
 from repose.config.cost import (
-    Pours,
+    PlannedRuns,
     count_runs,
-    list_article_pours,
-    list_strategy_pours,
+    list_article_runs,
+    list_strategy_runs,
 )
 from repose.config.external import convert_to_short_form, list_unread_sections
 from repose.config.models import StudySettings
@@ -28,11 +28,15 @@ from repose.config.pipeline import PipelineConfig
 from repose.stages import simulate, simulated
 from repose.stages.settings import SimulatorSettings
 
+# The numbers of the sample and of the run that a trial run stands for.
+TRIAL_SAMPLE = 1
+TRIAL_RUN = 1
+
 
 def describe_program(
     study: PipelineConfig, simulator: SimulatorSettings
 ) -> Iterator[str]:
-    """Describe the program of a study, its deck, and the files with its responses.
+    """Describe the program of a study, its input script, and its files of results.
 
     Parameters
     ----------
@@ -48,37 +52,39 @@ def describe_program(
     """
     program = simulate.find_program(simulator.command)
     yield f"{simulator.name}: {shlex.join(simulator.command)}; the program is {program}"
-    yield from _describe_deck(study, simulator)
+    yield from _describe_input_script(study, simulator)
+    # Warn about parameter ranges that are suspiciously wide.
     for sentence in describe_wide_ranges(study.config["parameters"]):
         yield f"ranges: WARNING: {sentence}"
     files = ", ".join(simulator.files_read)
     yield f"responses: {', '.join(study.targets.names)}, from {files}"
     yield (
-        f"a run: cores {simulator.cores}, memory {simulator.memory_mb} MB, at most "
-        f"{simulator.time_limit_s:g} s"
+        f"resources of a run: cores {simulator.cores}, memory {simulator.memory_mb} MB, "
+        f"at most {simulator.time_limit_s:g} s"
     )
 
 
-def _describe_deck(
+def _describe_input_script(
     study: PipelineConfig, simulator: SimulatorSettings
 ) -> Iterator[str]:
-    """Describe the deck, which is the input file with the values of the parameters.
+    """Describe the input script of the program, called its deck in messages.
 
-    If the program has a deck, a line follows for each fixed parameter that the deck
-    does not name.
+    The script is made from a template, in which names stand for the values of the
+    parameters. Without a template there is no script. A line follows for each fixed
+    parameter whose name does not occur in the template.
     """
     if simulator.template is None:
-        yield f"deck: no deck; the program reads {simulate.PARAMETERS_FILE}"
+        yield f"deck: none; the program reads {simulate.PARAMETERS_FILE}"
         return
-    deck = simulate.deck_name(simulator.template)
-    yield f"deck: {deck}, from {simulator.template}"
+    script_name = simulate.deck_name(simulator.template)
+    yield f"deck: {script_name}, from {simulator.template}"
     used_names = simulate.find_used_names(simulator)
     for name, value in study.parameters.fixed.items():
         if name not in used_names:
             yield (
-                f"{name} is fixed at {value:g}, and the deck does not use this name; "
-                "the deck must state the number that its program needs for it, as a "
-                "deck of `repose export` does"
+                f"{name} is fixed at {value:g}, but the deck does not use this name; "
+                "make sure that the deck has the number that the program needs for it, "
+                "as a deck of `repose export` does"
             )
 
 
@@ -88,7 +94,7 @@ def describe_strategy(study: PipelineConfig, files: Sequence[StrPath]) -> Iterat
     Parameters
     ----------
     study : PipelineConfig
-        The study.
+        The study. Another program makes its runs.
     files : sequence of path
         The files of the study.
 
@@ -97,31 +103,37 @@ def describe_strategy(study: PipelineConfig, files: Sequence[StrPath]) -> Iterat
     str
         A line of text.
     """
+    # Only a study with another program has this section.
     assert study.simulator is not None
-    name = study.settings.strategy
+    strategy_name = study.settings.strategy
     surrogate = ""
-    if strategy(name).begins_with_design:
+    if strategy(strategy_name).begins_with_design:
         surrogate = f", surrogate {study.settings.surrogate}"
-    yield f"strategy: {name}{surrogate}"
+    yield f"strategy: {strategy_name}{surrogate}"
 
-    # List the keys that the strategy does not read.
+    # List the keys in the user's files that the strategy does not read. The files may
+    # be written for our simulator, but `list_unread_keys` reads only the short form of
+    # a study with a program, and expects only the name of the program in `simulator`.
     merged = loader.merge_without_defaults(files)
     short_form = convert_to_short_form(merged).config
-    keys = list_unread_keys({**short_form, "simulator": study.simulator.name})
-    if keys:
-        yield f"keys: the strategy {name} does not read {', '.join(keys)}"
+    unread_keys = list_unread_keys({**short_form, "simulator": study.simulator.name})
+    if unread_keys:
+        yield (
+            f"keys: the strategy {strategy_name} does not read {', '.join(unread_keys)}"
+        )
 
-    # List the sections that only our simulator reads.
-    sections = list_unread_sections(merged.config)
-    if sections:
+    # List the sections that have an effect only if this package makes the runs.
+    unread_sections = list_unread_sections(merged.config)
+    if unread_sections:
         yield (
             f"keys: {study.simulator.name} makes the runs, so these are not read: "
-            f"{', '.join(sections)}; the program's own input must agree with them"
+            f"{', '.join(unread_sections)}; make sure that the program's own input agrees "
+            "with them"
         )
 
 
-def list_runs(settings: StudySettings) -> Pours:
-    """List the runs of a study.
+def list_runs(settings: StudySettings) -> PlannedRuns:
+    """List the runs of a study whose runs are made by another program.
 
     Returns
     -------
@@ -129,12 +141,12 @@ def list_runs(settings: StudySettings) -> Pours:
         Purpose, number of parameter sets, and runs of each set.
     """
     name = settings.strategy
-    strategy_runs = list_strategy_pours(settings, name) or ()
+    strategy_runs = list_strategy_runs(settings, name) or ()
     if not strategy(name).begins_with_design:
         return strategy_runs
 
     # The runs of a program belong to no bench test.
-    return (*list_article_pours(settings, test=""), *strategy_runs)
+    return (*list_article_runs(settings, test=""), *strategy_runs)
 
 
 def _compare_with_targets(targets: Targets, run: Mapping[str, Any]) -> Iterator[str]:
@@ -166,7 +178,10 @@ def _compare_with_targets(targets: Targets, run: Mapping[str, Any]) -> Iterator[
 def make_trial_run(
     study: PipelineConfig, simulator: SimulatorSettings, cores: int
 ) -> Iterator[str]:
-    """Make one run at the centre of the ranges, and describe its responses.
+    """Make one run at the centre of the parameter ranges, and describe its responses.
+
+    The run begins when the first line is requested. Its files stay in a temporary
+    folder, so that the user can look at them.
 
     Parameters
     ----------
@@ -185,33 +200,37 @@ def make_trial_run(
     Raises
     ------
     InputError
-        If the run failed. The folder of the run is not removed.
+        If the run failed.
     """
-    # Run the program in a new folder, in which run 1 has a folder and a record.
+    # Run the program in a new folder. `simulate.run_once` gives the run a folder and a
+    # record, both named by its number. The seed is that of run 1 of sample 1 of the
+    # design.
     parameters = study.parameters.centre
     folder = Path(tempfile.mkdtemp(prefix="repose_try_"))
-    run_folder = folder / "1"
-    record_json = folder / "1.json"
+    run_folder = folder / str(TRIAL_RUN)
+    record_json = folder / f"{TRIAL_RUN}.json"
     start_s = time.perf_counter()
     record = simulate.run_once(
         simulator,
         parameters,
-        sample=1,
-        run=1,
-        seed=simulate.draw_seed(study.settings.design.seed, "design", 1, 1),
+        sample=TRIAL_SAMPLE,
+        run=TRIAL_RUN,
+        seed=simulate.draw_seed(
+            study.settings.design.seed, "design", TRIAL_SAMPLE, TRIAL_RUN
+        ),
         out_dir=folder,
     )
     elapsed_s = time.perf_counter() - start_s
 
     # Read the responses of the run, or measure its pile.
-    job = simulated.measure_sample(
+    measured_sample = simulated.measure_sample(
         [record_json],
         folder / "measured.json",
         settings=simulator,
         responses=study.targets.names,
         measure=study.settings.measure,
     )
-    run: Mapping[str, Any] = job["runs"][0]
+    run: Mapping[str, Any] = measured_sample["runs"][0]
     if run["status"] != simulate.OK:
         raise InputError(
             run_folder,
@@ -222,16 +241,16 @@ def make_trial_run(
         )
 
     # Compare the responses with the targets.
-    point = ", ".join(
+    parameters_text = ", ".join(
         f"{name} {format_significant(value)}" for name, value in parameters.items()
     )
-    yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {point}:"
+    yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {parameters_text}:"
     yield from _compare_with_targets(study.targets, run)
     yield f"its files: {run_folder}"
 
-    # Estimate the time of the study from that of this run.
+    # Estimate the time of the study from the time of this run. A run occupies
+    # `simulator.cores` of the cores, so cores / simulator.cores runs go on at once.
     n_runs = count_runs(list_runs(study.settings))
     hours = n_runs * elapsed_s * simulator.cores / cores / 3600
-    yield (
-        f"{n_runs} runs as long as this one: about {format_significant(hours, 2)} h on {cores} cores"
-    )
+    hours_text = format_significant(hours, 2)
+    yield f"{n_runs} runs as long as this one: about {hours_text} h on {cores} cores"

@@ -1,5 +1,8 @@
 """Compute the restitution that a simulated hit really has at the time step of a study.
 
+The coefficient of restitution, or restitution for short, is the speed after a hit over
+the speed before it.
+
 The damping of a contact gives the configured restitution only for an infinitely small
 time step. If a contact lasts only a few time steps, the real restitution is smaller.
 The difference grows as the restitution becomes lower.
@@ -18,7 +21,8 @@ HERTZ_LAWS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 # From this restitution on, the real restitution is nearly equal to the configured one.
 LOW_RESTITUTION = 0.3
 # The gap between the bodies at the start, as a fraction of the distance that they
-# approach in a time step. The result is averaged over these values.
+# approach in a time step. The restitution depends a little on when the hit begins
+# within a time step, so the result is averaged over these values.
 PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
 # Largest number of time steps for a hit, so that the loop always ends.
 MAX_STEPS = 100_000
@@ -39,7 +43,8 @@ def compute_returned_restitution(
     restitution : float
         The configured restitution, above 0, at most 1.
     tension : {"keep", "release"}
-        How the contact ends, see `repose.dem.Simulation`.
+        How the contact ends: "keep" lets it pull the bodies together as they part,
+        "release" does not (`repose.dem.Simulation`).
     steps_per_contact : float
         Duration of the hit without damping, over the time step.
 
@@ -61,39 +66,43 @@ def compute_returned_restitution(
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution, tension)
     speeds = [
         _simulate_rebound_speed(
-            phase, time_step=time_step, damping=damping, tension=tension
+            gap_fraction, time_step=time_step, damping=damping, tension=tension
         )
-        for phase in PHASES
+        for gap_fraction in PHASES
     ]
     return float(np.mean(speeds))
 
 
 def _simulate_rebound_speed(
-    phase: float, time_step: float, damping: float, tension: str
+    gap_fraction: float, time_step: float, damping: float, tension: str
 ) -> float:
     """Simulate a hit at speed 1 step by step, and return the speed of the rebound.
 
+    Mass, speed and stiffness are 1, so all numbers are without units.
+
     Parameters
     ----------
-    phase : float
+    gap_fraction : float
         Gap between the bodies at the start, as a fraction of the distance that they
         approach in a time step.
     time_step : float
-        Time step, in units in which mass, speed and stiffness are 1.
+        Time step.
     damping : float
         Damping force, divided by the speed and the square root of the tangent
         stiffness.
     tension : {"keep", "release"}
-        Whether the contact may pull the bodies together as they part.
+        With "keep" the contact may pull the bodies together as they part. With
+        "release" it may not.
 
     Returns
     -------
     float
         The speed, positive if the bodies part. Because they start at speed 1, it equals
-        the restitution of this hit.
+        the restitution of this hit. If they have not parted after `MAX_STEPS`, it is
+        their speed at this time.
     """
     # A negative overlap is a gap.
-    overlap = -phase * time_step
+    overlap = -gap_fraction * time_step
     approach_speed = 1.0
     for _ in range(MAX_STEPS):
         force = 0.0
@@ -116,7 +125,11 @@ def _simulate_rebound_speed(
 def describe_low_restitutions(
     scene: Scene, lowest_values: Mapping[str, float]
 ) -> Iterator[str]:
-    """Describe the real restitution of a hit at this time step, for low restitutions.
+    """Describe by how much simulated hits fall short of a low configured restitution.
+
+    The time step shortens the rebound, which matters for restitutions below
+    `LOW_RESTITUTION`. The sentence states the restitution that a simulated hit really
+    has.
 
     Parameters
     ----------
@@ -129,8 +142,8 @@ def describe_low_restitutions(
     Yields
     ------
     str
-        One sentence about the restitutions below `LOW_RESTITUTION`. Nothing is yielded
-        if all are higher, or if the contact law is not one of `HERTZ_LAWS`.
+        At most one sentence. Nothing is yielded if all restitutions are higher, or if
+        the contact law is not one of `HERTZ_LAWS`.
     """
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
 
@@ -142,6 +155,7 @@ def describe_low_restitutions(
         if restitution >= LOW_RESTITUTION:
             continue
         contact_s = _compute_contact_time_s(scene, pair, restitution)
+        # The duration is unknown for other laws than `HERTZ_LAWS`.
         if contact_s is None:
             continue
 
@@ -171,13 +185,13 @@ def _compute_contact_time_s(
     pair : {"gg", "gp"}
         Which bodies hit each other: two grains, or a grain and the wall.
     restitution : float
-        The restitution of this pair.
+        The coefficient of restitution of this pair.
 
     Returns
     -------
     float or None
-        The duration at the fastest impact of the engine's limits. None for a contact
-        law that `compute_returned_restitution` cannot follow.
+        The duration [s] at the speed `FASTEST_IMPACT_M_S`. None for other contact laws
+        than `HERTZ_LAWS`.
     """
     from repose.dem.laws import CONTACT_LAWS
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
@@ -187,17 +201,24 @@ def _compute_contact_time_s(
     if law not in HERTZ_LAWS or contact_time is None:
         return None
 
-    # A hit of two equal grains lasts as long as a hit of one grain with half the mass
-    # and half the radius on a wall.
-    other_body = "berry" if pair == "gg" else "wall"
-    effective_fraction = 0.5 if pair == "gg" else 1.0
-    shape = scene.particle.dem_shape("berry")
+    # The laws of these contacts need the effective mass and the effective radius,
+    # 1 / (1/m1 + 1/m2) and 1 / (1/r1 + 1/r2). For two equal grains these are half the
+    # mass and half the radius of one. A wall has an infinite mass and radius.
+    is_pair_of_grains = pair == "gg"
+    effective_fraction = 0.5 if is_pair_of_grains else 1.0
+
+    # Bodies have the name of their material; that of grains is `berry`.
+    grain = "berry"
+    other_body = grain if is_pair_of_grains else "wall"
+    shape = scene.particle.dem_shape(grain)
     materials = materials_of(scene)
     parameters = {**scene.parameters, f"e_{pair}": restitution}
+    # The function of a law takes these arguments by position: both materials, their
+    # contact, the effective mass, the effective radius and the speed.
     return contact_time(
-        materials["berry"],
+        materials[grain],
         materials[other_body],
-        contacts_of(parameters)["berry", other_body],
+        contacts_of(parameters)[grain, other_body],
         effective_fraction * shape.mass_kg,
         effective_fraction * shape.smallest_radius_m,
         FASTEST_IMPACT_M_S,

@@ -17,13 +17,14 @@ from repose.common import ledger, places
 from repose.common.files import StrPath, write_text
 from repose.common.keys import Config, Origin, get_value
 
-# Keys of `berry` that define a crop.
+# A crop is a kind of grain with its measured sizes and density. Keys of the section
+# `berry`, the section of the grain, that define a crop.
 CROP_KEYS = ("sizes", "density_kg_m3", "stl")
 COMMAND_LINE = "command line (--config)"
 # Name of the source of values that another workflow passes to this one.
 WORKFLOW_SOURCE = "configuration"
 RESOLVED_FILE = "config.json"  # in the folder of results
-# A number with an exponent. Some readers of YAML read 1e-3 as text.
+# A number with an exponent. Some readers of YAML read 1e-3 as a string.
 EXPONENT_PATTERN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 # Sections that replace those of earlier files and are not merged with them. For
 # example, a fixed parameter must not keep the prior of an earlier file.
@@ -86,15 +87,15 @@ def merge_with_defaults(
 ) -> MergedConfig:
     """Merge configuration files over the defaults, and find the file of each key.
 
-    Values are not checked, and `auto` is not replaced. If the files have all keys, the
-    defaults are not used.
+    Values are not checked, and `auto` is not replaced. If the files together have every
+    key, they are merged without the defaults, so that messages name only them.
 
     Parameters
     ----------
     files : sequence of path
         The files. Each overrides the ones before it.
     overrides : mapping, optional
-        Nested values that override all files. Texts among them are parsed as YAML.
+        Nested values that override all files. Strings among them are parsed as YAML.
 
     Returns
     -------
@@ -111,10 +112,11 @@ def merge_with_defaults(
     read = _make_caching_reader()
     paths = [places.find_file(path) for path in files]
     if paths:
-        merged = _merge_files(paths, overrides, read)
-        is_complete = not _lacks_keys(merged.config)
-        if is_complete:
-            return merged
+        merged_users_files = _merge_files(paths, overrides, read)
+        if not _lacks_keys(merged_users_files.config):
+            return merged_users_files
+
+    # Some keys are missing, so use the defaults below the user's files.
     return _merge_files(list_files_with_defaults(paths, read), overrides, read)
 
 
@@ -128,11 +130,12 @@ def merge_without_defaults(
     files : sequence of path
         Each overrides the ones before it.
     overrides : mapping, optional
-        Nested values that override all files. Texts among them are parsed as YAML.
+        Nested values that override all files. Strings among them are parsed as YAML.
 
     Returns
     -------
     MergedConfig
+        The merged values, and the file of each key.
     """
     return _merge_files([places.find_file(path) for path in files], overrides)
 
@@ -152,7 +155,7 @@ def locate_workflow_values(
     Parameters
     ----------
     workflow_config : mapping
-        Snakemake's `config`. Texts from its command line are parsed as YAML.
+        Snakemake's `config`. Strings from its command line are parsed as YAML.
     files : sequence of path
         The files that Snakemake has merged; each overrides those before it. If there
         are none, Snakemake has read the default configuration of the working folder.
@@ -162,7 +165,9 @@ def locate_workflow_values(
     Returns
     -------
     MergedConfig
+        The values, and the file of each key.
     """
+    # The last default file is the configuration of the working folder.
     paths = files or places.list_default_configs()[-1:]
     config_files = [
         ConfigFile(str(path), read_file(places.find_file(path))) for path in paths
@@ -181,14 +186,15 @@ def merge_workflow_values(
     """Merge the values in Snakemake's `config` over the defaults.
 
     Snakemake has already merged its configuration files and its command line. This
-    function finds out which file has which key, so that messages about faults can name
-    the file. If the user's values define a crop, the defaults do not contain the
-    built-in crop, so that the numbers of two crops are never mixed.
+    function finds out which file has which key, so that error messages can name the
+    file. The defaults normally contain a built-in crop, which is a kind of grain with
+    its sizes and density. If the user's values define another crop, the built-in one
+    is left out, because the numbers of two crops must never be mixed.
 
     Parameters
     ----------
     workflow_config : mapping
-        Snakemake's `config`. Texts from its command line are parsed as YAML.
+        Snakemake's `config`. Strings from its command line are parsed as YAML.
     files : sequence of path
         The files that Snakemake has merged; each overrides those before it. If there
         are none, Snakemake has read the default configuration of the working folder, or
@@ -199,32 +205,37 @@ def merge_workflow_values(
     Returns
     -------
     MergedConfig
+        All values, and the file of each key.
     """
     read = _make_caching_reader()
     user_files = [places.find_file(path) for path in files]
     default_files = _choose_default_files(workflow_config, user_files, read)
 
-    # Find the file that each value comes from. If the user gave no file, this may be
-    # the last default file, because Snakemake has read it.
-    last_default_file = places.list_default_configs()[-1]
+    # Find the file that each value comes from. Without files of the user, Snakemake has
+    # read the configuration of the working folder, which is the last default file. Add
+    # it to the searched files, even if the values are not merged over it. A second copy
+    # in the list does no harm.
+    working_folder_config = places.list_default_configs()[-1]
     config_files = _read_config_files(
-        [*default_files, last_default_file, *user_files], read
+        [*default_files, working_folder_config, *user_files], read
     )
     values, files_by_key = _locate_values(workflow_config, config_files, default_source)
 
-    # Merge the values over the defaults. A complete configuration needs none.
-    merged = _merge_files(
-        default_files if _lacks_keys(workflow_config) else [], read=read
-    )
+    # Merge the values over the defaults. A complete configuration needs none. The
+    # values come last, because they override the defaults.
+    files_to_merge = default_files if _lacks_keys(workflow_config) else []
+    merged = _merge_files(files_to_merge, read=read)
     _merge_into(merged.config, values)
 
-    # Messages ask the user to add a missing key to the last of the user's files.
+    # An error message asks the user to add a missing key to the default file of the
+    # origin, and never to edit the file of the method. Take the last of the user's
+    # files.
     origin = Origin(
         {**merged.origin.files_by_key, **files_by_key},
         default_file=str(user_files[-1]) if user_files else default_source,
         method_file=merged.origin.method_file,
     )
-    return MergedConfig(_resolve_named_files(merged.config), origin)
+    return MergedConfig(_replace_missing_paths(merged.config), origin)
 
 
 def _choose_default_files(
@@ -289,7 +300,8 @@ def _locate_values(
     Returns
     -------
     value : object
-        The value as the files have it. Snakemake may have converted it to text.
+        The value as the file has it, with its type. Snakemake's value may be a string
+        such as "1e-5" instead of a number.
     files_by_key : dict of str to str
         The source of the dotted key, and of each key below it.
     """
@@ -318,27 +330,31 @@ def _locate_values(
 def _find_single_value(
     value: Any, dotted_key: str, config_files: Sequence[ConfigFile], default_source: str
 ) -> tuple[Any, str]:
-    """Find the last file that has a value of Snakemake.
+    """Find the file from which a value in Snakemake's `config` comes.
+
+    It is the last file that has an equal value under this key. Values are equal as in
+    Python, so 1 equals 1.0 and True.
 
     Parameters
     ----------
     value : object
         The value, which is not a section.
     dotted_key, config_files, default_source
-        As in `_find_in_files`.
+        As in `_locate_values`.
 
     Returns
     -------
     value : object
-        The value as the file has it.
+        The value as the file has it. If no file has an equal value, it is Snakemake's
+        value, parsed as YAML if it may be a number that was given as a string.
     source : str
         The file, or `default_source` if no file has an equal value.
     """
-    # Snakemake may give a value as text: each value of a command line, and numbers such
-    # as 1e-5 in a file.
+    # Snakemake gives some values as strings: each value of a command line, and numbers
+    # such as 1e-5 in a file.
     parsed_value = value
     if default_source == COMMAND_LINE or EXPONENT_PATTERN.match(str(value)):
-        parsed_value = _parse_texts(value)
+        parsed_value = _parse_strings(value)
 
     # Search the last file first. None may be a value in a file, so use another default
     # for a missing key.
@@ -360,7 +376,7 @@ def _find_last_file_with_section(
 
 
 def _lacks_keys(config: Config) -> bool:
-    """Tell whether a section of a configuration lacks a key."""
+    """Tell whether any section of a configuration lacks a key that it must have."""
     # Import these modules only here: the help and the jobs do not need them.
     from repose.common.faults import lacks_keys
     from repose.config.models import make_settings_type
@@ -375,8 +391,9 @@ def list_files_with_defaults(
 ) -> list[StrPath]:
     """List the default files and the user's files of a configuration.
 
-    Each file overrides those before it. The built-in crop is among the defaults only if
-    no other file defines a crop, so that numbers of two crops are never mixed.
+    Each file overrides those before it. A crop is a kind of grain with its sizes and
+    density; one crop is built in. Its file is among the defaults only if no other file
+    defines a crop, because the numbers of two crops must never be mixed.
 
     Parameters
     ----------
@@ -390,7 +407,10 @@ def list_files_with_defaults(
     Returns
     -------
     list of path
+        The default files, then the user's files.
     """
+    # The configuration of the working folder may be the built-in one, so compare the
+    # paths to which links lead.
     built_in_crop = (places.find_program_folder() / places.DEFAULT_CONFIG).resolve()
     defaults = places.list_default_configs()
     defaults_without_crop = [
@@ -403,10 +423,11 @@ def list_files_with_defaults(
 
 
 def find_substitute_crop(*files: StrPath) -> Path | None:
-    """Find the built-in crop if it replaces a missing configuration.
+    """Return the file of the built-in crop if a study uses it, but nobody chose it.
 
-    This is the case if the working folder has no configuration, and the user's files
-    need the built-in crop.
+    A crop is a kind of grain with its sizes and density. A user who has no
+    configuration in the working folder may calibrate the built-in crop by mistake. The
+    caller can then tell the user.
 
     Parameters
     ----------
@@ -416,47 +437,56 @@ def find_substitute_crop(*files: StrPath) -> Path | None:
     Returns
     -------
     Path or None
-        The file of the built-in crop; None if it replaces no missing configuration.
+        The file of the built-in crop. None if the study does not use this crop, or if
+        the user has clearly chosen it.
     """
     built_in_crop = places.find_program_folder() / places.DEFAULT_CONFIG
     paths = [places.find_file(path) for path in files]
 
-    # Nothing is missing if the working folder has a configuration, or if the file is
-    # the resolved one of a study.
-    has_configuration = places.list_default_configs()[-1] != built_in_crop
-    if has_configuration or is_resolved(*paths):
+    # The last default file is the configuration of the working folder. Only if there is
+    # none, it is the built-in crop.
+    working_folder_config = places.list_default_configs()[-1]
+    if working_folder_config != built_in_crop:
+        return None
+
+    # A file that a study has written names its own crop.
+    if is_resolved(*paths):
         return None
 
     # A file in the folder of the built-in crop is a variant of this crop, so the user
-    # wants the built-in crop.
+    # has chosen it.
     for path in paths:
         if path != built_in_crop and path.parent == built_in_crop.parent:
             return None
 
-    # The files include the built-in crop, or are merged over it because they lack keys
-    # and define no crop.
+    # The study uses the built-in crop if the user's files include it.
     if built_in_crop in paths:
         return built_in_crop
-    is_complete = paths and not _lacks_keys(_merge_files(paths).config)
-    if not is_complete and built_in_crop in list_files_with_defaults(paths):
+
+    # It also does if the user's files lack keys and are merged over the built-in crop.
+    lacks_keys = not paths or _lacks_keys(_merge_files(paths).config)
+    if lacks_keys and built_in_crop in list_files_with_defaults(paths):
         return built_in_crop
     return None
 
 
 def _defines_crop(config: Config) -> bool:
-    """Tell whether a configuration defines a crop: by sizes, a density or a scan."""
-    grain = config.get("berry")
-    if not isinstance(grain, dict):
+    """Tell whether a configuration defines a crop: by sizes, a density or a scan.
+
+    A crop is a kind of grain. The section of the grain has the name `berry`.
+    """
+    grain_section = config.get("berry")
+    if not isinstance(grain_section, dict):
         return False
-    if grain.get("sizes") or grain.get("stl"):
+    if grain_section.get("sizes") or grain_section.get("stl"):
         return True
-    has_no_key = all(grain.get(key) is None for key in CROP_KEYS)
-    if has_no_key:
+    has_crop_key = any(grain_section.get(key) is not None for key in CROP_KEYS)
+    if not has_crop_key:
         return False
 
     # A density that is a string comes from the command line. It changes one number of a
     # crop, but does not define another crop.
-    return not isinstance(grain.get("density_kg_m3"), str)
+    return not isinstance(grain_section.get("density_kg_m3"), str)
 
 
 def _merge_files(
@@ -466,49 +496,58 @@ def _merge_files(
 ) -> MergedConfig:
     """Merge the values of files and the overrides, and find the file of each key.
 
+    The path of a named file that is not in the working folder is replaced by the path
+    of the file of this name in the installed program.
+
     Parameters
     ----------
     files : sequence of path
         Each overrides the ones before it.
     overrides : mapping, optional
-        Nested values that override all files. Texts among them are parsed as YAML.
+        Nested values that override all files. Strings among them are parsed as YAML.
     read : callable, optional
         Function that reads a file.
 
     Returns
     -------
     MergedConfig
+        The merged values, and the file of each key.
     """
     layers = _read_config_files(files, read)
-    layers.append(ConfigFile(COMMAND_LINE, _parse_texts(overrides or {})))
+    layers.append(ConfigFile(COMMAND_LINE, _parse_strings(overrides or {})))
     config: dict[str, Any] = {}
     files_by_key: dict[str, str] = {}
     for layer in layers:
         _merge_into(config, layer.content)
         files_by_key |= dict.fromkeys(_list_dotted_keys(layer.content), layer.path)
 
-    # Messages ask the user to add a missing key to the last file, and never to edit the
-    # file of the method.
+    # An error message asks the user to add a missing key to the default file of the
+    # origin, which is the last one here, and never to edit the file of the method.
     origin = Origin(
         files_by_key,
         default_file=str(files[-1]) if files else "",
         method_file=str(places.find_file(places.METHOD_CONFIG)),
     )
-    return MergedConfig(_resolve_named_files(config), origin)
+    return MergedConfig(_replace_missing_paths(config), origin)
 
 
-def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
-    """Replace paths that do not exist in the working folder by files of the program.
+def _replace_missing_paths(config: dict[str, Any]) -> dict[str, Any]:
+    """Replace paths of missing files by paths of files that come with the program.
+
+    The installed program has, for example, tables in its folder `resources`.
+    `places.find_file` looks for a file in the working folder first. The configuration
+    is changed in place.
 
     Parameters
     ----------
     config : dict
-        The configuration, which need not be valid. It is changed in place.
+        The configuration. It need not be valid, so values of wrong types are left as
+        they are.
 
     Returns
     -------
     dict
-        The same configuration.
+        The same object.
     """
     from repose.config.models import list_file_keys
 
@@ -536,10 +575,10 @@ def is_resolved(*files: StrPath) -> bool:
     return Path(path).name == RESOLVED_FILE and ledger.is_own_file(path)
 
 
-def _parse_texts(value: Any) -> Any:
-    """Parse each text in a value as YAML.
+def _parse_strings(value: Any) -> Any:
+    """Parse each string in a value as YAML.
 
-    A command line gives numbers and lists as text, such as "2" and "[1, 2]".
+    A command line gives numbers and lists as strings, such as "2" and "[1, 2]".
 
     Parameters
     ----------
@@ -549,14 +588,15 @@ def _parse_texts(value: Any) -> Any:
     Returns
     -------
     object
-        A copy with the strings parsed. An empty string stays empty.
+        A copy with the strings parsed. An empty string stays empty, and a tuple becomes
+        a list.
     """
     from repose.common.reading import parse_yaml
 
     if isinstance(value, dict):
-        return {key: _parse_texts(item) for key, item in value.items()}
+        return {key: _parse_strings(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_parse_texts(item) for item in value]
+        return [_parse_strings(item) for item in value]
     if isinstance(value, str) and value.strip():
         return parse_yaml(value, COMMAND_LINE)
     return value

@@ -12,7 +12,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, create_model
 
-from repose.bench import bench, names
+from repose.bench import bench
+from repose.bench import names as bench_test_names
 from repose.bench.funnel import FunnelSettings
 from repose.bench.parameters import ALLOWED, LABELS, LAW_PARAMETERS, PARAMETERS
 from repose.bench.settings import SimulationSettings, WallSettings
@@ -102,7 +103,7 @@ class ParametersSettings(Section):
         return {name: entry for name, entry in self if entry is not None}
 
     def contradictions(self) -> Contradictions:
-        """Refuse a prior that its range excludes, and parameters that are all fixed."""
+        """Find priors that the ranges exclude, and parameters that are all fixed."""
         yield from find_far_priors(self.entries)
         if not count_free(self.entries):
             yield "", "at least one free parameter: there is nothing to calibrate"
@@ -111,27 +112,29 @@ class ParametersSettings(Section):
 def _make_parameters_model() -> type[ParametersSettings]:
     """Make the model of the section `parameters`, with a field for each parameter.
 
-    It has the six parameters of Table 2 and the additional ones of the contact laws.
+    The fields are the six parameters of the article's Table 2, and the additional
+    parameters of contact laws.
 
     Returns
     -------
     type of ParametersSettings
         A subclass, whose fields pydantic checks.
     """
-    # Every study has the six parameters of Table 2.
+    # Every study has the six parameters of Table 2, so these fields have no default.
     fields: dict[str, Any] = {}
     for name in PARAMETERS:
         field = Field(description=LABELS[name], json_schema_extra={"source": "Table 2"})
         fields[name] = (make_parameter_type(*ALLOWED[name]), field)
 
-    # A parameter of a contact law may be absent, because only studies with this law
-    # have it.
+    # Only studies with a certain contact law have its additional parameters. Therefore
+    # these fields have the default `ABSENT`, which stands for a missing key.
     for name, law_parameter in LAW_PARAMETERS.items():
+        # The constant of the law has the lowest and the highest allowed value.
         limits = law_parameter.constant
         # The schema of the model is written as JSON, which has no infinite numbers.
         highest = min(limits.most, HIGHEST_JSON_NUMBER)
         laws = ", ".join(f"`{law}`" for law in law_parameter.laws)
-        meaning = f"{law_parameter.label}; with {laws} alone"
+        meaning = f"{law_parameter.label}; only with {laws}"
         field = Field(default=ABSENT, description=meaning)
         fields[name] = (make_parameter_type(limits.least, highest), field)
     return create_model("Parameters", __base__=ParametersSettings, **fields)
@@ -200,35 +203,44 @@ class TargetSettings(Section):
     )
 
     def contradictions(self) -> Contradictions:
-        """Refuse an unknown response, and values outside the allowed range.
+        """Find an unknown response, or a value outside the allowed range.
+
+        Only the first problem is yielded, because it usually causes the others.
 
         Yields
         ------
         tuple of str
-            A key of this section and its allowed values. Only the first fault is
-            reported, because it usually causes the others.
+            A key of this section, and a description of its allowed values. An error
+            message puts the description after the word "expected".
         """
-        known = [response.name for response in list_responses(self.apparatus)]
-        if not known:
-            yield "apparatus", f"one of {', '.join(names())}"
+        # The key `apparatus` names a bench test, which has certain responses.
+        known_responses = [response.name for response in list_responses(self.apparatus)]
+        if not known_responses:
+            yield "apparatus", f"one of {', '.join(bench_test_names())}"
             return
         response = find_response(self.response)
         if response is None or response.apparatus != self.apparatus:
             yield (
                 "response",
-                f"one of {', '.join(known)}, the responses of {self.apparatus}",
+                f"one of {', '.join(known_responses)}, the responses of {self.apparatus}",
             )
             return
+
+        # The response may be a score of a profile. The program computes such scores
+        # from the measured heights of the profile, so a user cannot give them directly.
         if response.profile and self.profile is None:
             yield (
                 "response",
-                f"a number, or {response.profile} with the file of its measured heights",
+                f"a response that is a number, or {response.profile} with the file of its "
+                "measured heights",
             )
             return
         yield from self._find_values_outside_limits(response)
 
     def _find_values_outside_limits(self, limits: Response) -> Contradictions:
-        """Refuse values beyond the limits of the response or the target's own range.
+        """Find a value beyond the limits of the response or outside the target's range.
+
+        Only the first problem is yielded, because it usually causes the others.
 
         Parameters
         ----------
@@ -238,8 +250,7 @@ class TargetSettings(Section):
         Yields
         ------
         tuple of str
-            A key of this section and its allowed values. Only the first fault is
-            reported, because it usually causes the others.
+            A key of this section, and a description of its allowed values.
         """
         # The value must lie within the limits of the response.
         low, high = self.range
@@ -248,13 +259,15 @@ class TargetSettings(Section):
             yield "value", within_limits
             return
 
-        # The same holds for the mean plus or minus two standard errors. A scatter
-        # beyond the limits is wrong, even if the user gave a range.
+        # The mean plus or minus two standard errors must lie within the limits as well,
+        # even if the user gave another range. `compute_target_range` never returns a
+        # range narrower than a minimum. Do not reject a minimum range, because it does
+        # not come from the scatter.
         scatter_low, scatter_high = compute_target_range(
             self.value, self.sd, self.repetitions
         )
         is_scatter_allowed = limits.low <= scatter_low and scatter_high <= limits.high
-        if not is_scatter_allowed and self._exceeds_least_range():
+        if not is_scatter_allowed and self._has_scatter_above_minimum_range():
             yield (
                 "sd",
                 "so small that the mean with two standard errors, "
@@ -262,7 +275,7 @@ class TargetSettings(Section):
             )
             return
 
-        # The range must also lie within these limits.
+        # The range of the target must also lie within these limits.
         if not (limits.low <= low and high <= limits.high):
             yield "range", f"a pair [low, high] {within_limits}"
             return
@@ -276,8 +289,8 @@ class TargetSettings(Section):
         elif not low <= self.aim <= high:
             yield "aim", inside_range
 
-    def _exceeds_least_range(self) -> bool:
-        """Tell whether the scatter is wider than the smallest range around the value."""
+    def _has_scatter_above_minimum_range(self) -> bool:
+        """Tell whether the scatter is wider than the minimum range around the value."""
         scatter = STANDARD_ERRORS * self.sd / math.sqrt(self.repetitions)
         return scatter > MIN_RELATIVE_RANGE * abs(self.value)
 
@@ -318,7 +331,7 @@ class FiguresSettings(Section):
     )
 
     def contradictions(self) -> Contradictions:
-        """Refuse a list without png, which the report needs, or with a repeated format."""
+        """Find a list without png, which the report needs, or with a repeated format."""
         if "png" not in self.format or len(set(self.format)) < len(self.format):
             allowed = "a list with png, which the report shows, and no format twice"
             yield "format", allowed
@@ -404,19 +417,29 @@ class StudySettings(Section):
     def count_design_seeds(self, name: str) -> int:
         """Return the number of runs per sample in the design of the strategy.
 
+        Each run of a sample has another seed. A strategy may have a key for the number
+        of seeds, which then holds for all bench tests. Otherwise each bench test has
+        such a key in its section.
+
         Parameters
         ----------
         name : str
-            The bench test of the runs. Its key for the number of seeds is used, unless
-            the strategy has a key for all bench tests.
+            The bench test of the runs.
+
+        Returns
+        -------
+        int
+            The number of runs.
         """
         from repose.calibrate.strategies import strategy
 
         seeds_key = strategy(self.strategy).seeds_key
         if seeds_key is None:
             return self.count_seeds(name)
-        section_name, field_name = seeds_key.split(".")
-        seeds: int = getattr(getattr(self, section_name), field_name)
+        # The key consists of a section and a name, such as refine.seeds.
+        section_name, key = seeds_key.split(".")
+        section = getattr(self, section_name)
+        seeds: int = getattr(section, key)
         return seeds
 
     def get_strategy_section(self, name: str) -> Section | None:
@@ -442,7 +465,7 @@ def make_settings_type() -> type[StudySettings]:
     """
     from repose.calibrate import strategies
 
-    return _make_cached_settings_type(names(), strategies.names())
+    return _make_cached_settings_type(bench_test_names(), strategies.names())
 
 
 @cache
@@ -451,27 +474,33 @@ def _make_cached_settings_type(
 ) -> type[StudySettings]:
     """Make the model of a configuration with these bench tests and strategies.
 
+    A model with many fields takes time to make, so the result is cached by both
+    arguments.
+
     Parameters
     ----------
-    bench_tests, strategies : tuple of str
-        Names of those that are registered. `StudySettings` already has the sections of
-        some of them.
+    bench_tests : tuple of str
+        Names of all registered bench tests.
+    strategies : tuple of str
+        Names of all registered strategies.
 
     Returns
     -------
     type of StudySettings
-        A subclass with the other sections. A configuration may lack the section of a
-        bench test.
+        A subclass of `StudySettings`. It adds the sections of those bench tests and
+        strategies that `StudySettings` itself does not have.
     """
     from repose.calibrate.strategies import strategy
 
-    # Map the name of each further section to its type and its default. The default
-    # `...` means that the section must be there.
+    # Map the name of each further section to its type and its default. A strategy's
+    # section must be there, because config/method.yaml or the author of the strategy
+    # gives its defaults; pydantic's sign for this is `...`. The section of a bench test
+    # may be missing, because a study need not use the bench test.
     sections: dict[str, Any] = {}
     for name in strategies:
-        model = strategy(name).settings
-        if model is not None and name not in StudySettings.model_fields:
-            sections[name] = (model, ...)
+        section_model = strategy(name).settings
+        if section_model is not None and name not in StudySettings.model_fields:
+            sections[name] = (section_model, ...)
     for name in bench_tests:
         if name not in StudySettings.model_fields:
             sections[name] = (bench(name).settings, ABSENT)
@@ -491,7 +520,7 @@ def make_settings(
     Raises
     ------
     InputError
-        With all faults. The messages name `source` as the file.
+        With all problems. The messages name `source` as the file.
     """
     model = make_settings_type()
     try:
@@ -502,10 +531,11 @@ def make_settings(
 
 
 def select_valid_sections(config: Mapping[str, Any]) -> StudySettings:
-    """Return the typed sections of a configuration, without those that have faults.
+    """Return the typed sections of a configuration, without the invalid ones.
 
     During a check, a rule or a computed number needs only some sections, while others
-    may be invalid.
+    may be invalid. Invalid sections are left out silently, because another function,
+    `repose.common.faults.find_faults`, reports them.
 
     Parameters
     ----------
@@ -515,19 +545,21 @@ def select_valid_sections(config: Mapping[str, Any]) -> StudySettings:
     Returns
     -------
     StudySettings
-        The valid sections. An access to any other section raises an AttributeError.
+        The valid sections. Other sections are not attributes of this object, so reading
+        one raises an AttributeError.
     """
-    model = make_settings_type()
+    settings_type = make_settings_type()
     sections: dict[str, Any] = {}
-    for name in model.model_fields:
+    for name in settings_type.model_fields:
         if name not in config:
             continue
+        validator = _make_validator(settings_type, name)
         try:
-            sections[name] = _make_validator(model, name).validate_python(config[name])
+            sections[name] = validator.validate_python(config[name])
         except ValidationError:
             continue
     # This constructor checks nothing, and leaves out the other sections.
-    return model.model_construct(**sections)
+    return settings_type.model_construct(**sections)
 
 
 def make_targets(

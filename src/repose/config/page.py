@@ -22,6 +22,7 @@ from repose.config.models import TargetSettings, make_settings_type
 from repose.stages.settings import ParticlesSettings, SimulatorSettings
 
 PAGE_PATH = Path("config", "README.md")
+# A table with the lines around it. `format_table` writes lines of the same form.
 TABLE_PATTERN = re.compile(r"<!-- keys: (\w+) -->\n.*?<!-- end -->", re.DOTALL)
 COLUMNS = ("key", "meaning", "unit", "values", "default", "source")
 # The unit of a key follows from the end of its name. A longer end comes before a
@@ -53,12 +54,13 @@ class Table(NamedTuple):
     ----------
     model : type of Section
         The section, with a field for each row of the table.
-    values : mapping
-        The values of the section in config/method.yaml, which are its defaults.
+    defaults : mapping
+        The values of the section in config/method.yaml; empty for a section that this
+        file does not have.
     """
 
     model: type[Section]
-    values: Mapping[str, Any]
+    defaults: Mapping[str, Any]
 
 
 def update_tables(text: str) -> str:
@@ -77,7 +79,7 @@ def update_tables(text: str) -> str:
     tables_by_name = make_tables()
 
     def format_table(match: re.Match[str]) -> str:
-        """Write a table between the two lines that name it in the page."""
+        """Write the table that a match names, with the lines before and after it."""
         name = match[1]
         # In Markdown a rule separates the header of a table from its rows.
         rule = "|---" * len(COLUMNS) + "|"
@@ -95,20 +97,28 @@ def list_sections_without_table(text: str) -> list[str]:
 
 
 def make_tables() -> dict[str, Table]:
-    """Make all tables, and map the names in the page to them."""
-    method = read_yaml(places.find_program_folder() / places.METHOD_CONFIG)
-    whole = make_settings_type()
+    """Make all tables of the page config/README.md.
+
+    Returns
+    -------
+    dict of str to Table
+        The tables by their names in the page. The name of a section's table is the name
+        of the section. The table `study` has the keys outside sections.
+    """
+    method_config = read_yaml(places.find_program_folder() / places.METHOD_CONFIG)
+    settings_type = make_settings_type()
+    # config/method.yaml has no values for the last four tables.
     tables_by_name = {
-        "study": Table(whole, method),
-        "targets": Table(TargetSettings, {}),
-        "profile": Table(BenchProfile, {}),
-        "simulator": Table(SimulatorSettings, {}),
-        "particles": Table(ParticlesSettings, {}),
+        "study": Table(settings_type, defaults=method_config),
+        "targets": Table(TargetSettings, defaults={}),
+        "profile": Table(BenchProfile, defaults={}),
+        "simulator": Table(SimulatorSettings, defaults={}),
+        "particles": Table(ParticlesSettings, defaults={}),
     }
-    for name, field in whole.model_fields.items():
+    for name, field in settings_type.model_fields.items():
         model = _find_section_model(field)
         if model is not None:
-            tables_by_name[name] = Table(model, method.get(name, {}))
+            tables_by_name[name] = Table(model, defaults=method_config.get(name, {}))
     return tables_by_name
 
 
@@ -123,11 +133,16 @@ def _find_section_model(field: FieldInfo) -> type[Section] | None:
 def _format_rows(table: Table) -> Iterator[str]:
     """Yield a row of the table for each key that a user may set."""
     for name, field in table.model.model_fields.items():
-        # An inner section has its own table. An internal key has no description.
+        # An inner section has its own table. A key that users may not set has no
+        # description.
         if field.description is None or _find_section_model(field) is not None:
             continue
+        # The source is the place in the article from which the value comes. Other
+        # values are our own choice.
+        source: object = "ours"
         extra = field.json_schema_extra
-        source = extra.get("source", "ours") if isinstance(extra, dict) else "ours"
+        if isinstance(extra, dict):
+            source = extra.get("source", source)
         cells = {
             "key": f"`{name}`",
             "meaning": field.description,
@@ -163,8 +178,8 @@ def _find_default(name: str, field: FieldInfo, table: Table) -> str:
     str
         The default as it would appear in a file; empty for a key without a default.
     """
-    if name in table.values:
-        return _format_yaml_value(table.values[name])
+    if name in table.defaults:
+        return _format_yaml_value(table.defaults[name])
     if field.default in (PydanticUndefined, ABSENT):
         return ""
     return _format_yaml_value(field.default)

@@ -52,16 +52,20 @@ class PipelineConfig:
         overrides: Mapping[str, Any] | None = None,
         check_inputs: bool = False,
     ) -> "PipelineConfig":
-        """Load configuration files, check them and compute each `auto`.
+        """Load configuration files, check them, and compute each value that is `auto`.
+
+        The configuration is also noted for the records of provenance of this process.
 
         Parameters
         ----------
         *files : path
             YAML or JSON files. Each overrides the files before it, and all override the
-            defaults, so a file needs only the keys that differ. A file of
-            `write_resolved` is complete and checked, so it is read without these steps.
+            defaults, so a file needs only the keys that differ. The file
+            `RESULTS/config.json` of a study is complete and was checked before, so it
+            is read without these steps.
         overrides : mapping, optional
-            Nested values that override all files. Texts among them are parsed as YAML.
+            Nested values that override all files. Strings among them are parsed as
+            YAML.
         check_inputs : bool, optional
             Whether to check the files that the configuration names as well, and whether
             grain, bench test and time step fit together. This takes seconds. By
@@ -70,17 +74,20 @@ class PipelineConfig:
         Returns
         -------
         PipelineConfig
+            The configuration of the study; an `ExternalConfig` if the files name
+            another program in a section `simulator`.
 
         Raises
         ------
         InputError
-            With all faults. For each fault the message names the file, the key, the
+            With all problems. For each of them the message names the file, the key, the
             value and the allowed values.
         """
+        # Raise an error here if an argument is not a path.
         for file in files:
             convert_to_path("file", file)
 
-        # A resolved file was checked before.
+        # A resolved file, which a study has written, was checked before.
         if not overrides and not check_inputs and loader.is_resolved(*files):
             return cls.of_results(files[0])
 
@@ -105,7 +112,7 @@ class PipelineConfig:
         source: str | Origin = "configuration",
         check_inputs: bool = False,
     ) -> Self:
-        """Check a complete configuration and compute each `auto`.
+        """Make a study from a mapping: check it, and compute each value that is `auto`.
 
         Parameters
         ----------
@@ -119,6 +126,7 @@ class PipelineConfig:
         Returns
         -------
         PipelineConfig
+            The checked configuration, with a number in place of each `auto`.
 
         Raises
         ------
@@ -139,15 +147,16 @@ class PipelineConfig:
                 find_source_file(source, "simulator"),
                 key="simulator",
                 value=config["simulator"],
-                allowed="a study of our own simulator; for one of yours see "
-                "`repose docs own_simulator` and `repose docs simulators`",
+                allowed="a study without this section, whose runs repose makes itself; to use "
+                "your own simulator, see `repose docs own_simulator` and "
+                "`repose docs simulators`",
             )
         checks = ConfigChecks(dict(config), source)
         checks.check_and_compute(check_inputs)
         study = cls(checks.config, source)
-        # Keep these checks, because they may have made the grain already. `_checks` is
-        # a cached property, which stores its value in `__dict__`. This is the only way
-        # to set it, because the class is frozen.
+        # Keep these checks, because they may have made the grain already, which takes
+        # seconds. `_checks` is a cached property, which stores its value in `__dict__`.
+        # The class is frozen, so an assignment to the attribute would fail.
         study.__dict__["_checks"] = checks
         return study
 
@@ -226,15 +235,16 @@ class PipelineConfig:
 
     @cached_property
     def definitions(self) -> Definitions:
-        """The keys that define each response, with their values.
+        """The settings that define each response, by the name of the response.
 
-        Only responses of the targets' bench tests are included. Other bench tests then
-        do not change the files of a study.
+        Only bench tests that a target uses are included. Results are compared by these
+        settings, so a bench test without a target must not change them.
         """
         from repose.bench import bench_tests
 
-        # Besides its own responses a bench test has those of the targets, such as the
-        # scores of a profile.
+        # The attribute `apparatus` lists the bench tests of the targets. Besides its
+        # own responses, a bench test has those that targets add, such as the scores of
+        # a profile.
         definitions: dict[str, dict[str, Any]] = {}
         for test in bench_tests():
             if test.name not in self.targets.apparatus:
@@ -243,15 +253,16 @@ class PipelineConfig:
             for response in responses:
                 definitions[response.name] = response.settings(self.config)
 
-        # Add the points at which measured profiles are compared.
+        # Add the positions at which measured profiles are compared. The loop above has
+        # made an entry for the response of each target.
         for target in self.settings.targets:
             if target.profile is not None:
-                profile = target.profile.abscissae
-                definitions[target.response] |= {"profile": profile}
+                positions = target.profile.abscissae
+                definitions[target.response] |= {"profile": positions}
         return definitions
 
     def study(self, file: StrPath | None = None) -> "Study":
-        """Make a study that asks for the runs of this configuration.
+        """Make the object that says which runs to make next, and finds the answer.
 
         The study knows nothing of this simulator. It receives only what a study of any
         simulator needs: parameters, targets and the settings of the calibration.
@@ -264,7 +275,9 @@ class PipelineConfig:
         Returns
         -------
         Study
+            The study, with the strategy and the settings of this configuration.
         """
+        # Import these modules only here, because many commands need no study.
         from repose.calibrate import strategies
         from repose.calibrate.settings import CalibrationSettings
         from repose.calibrate.study import Study
@@ -277,7 +290,9 @@ class PipelineConfig:
             if section is not None and name not in CalibrationSettings.model_fields:
                 other_sections[name] = section
 
-        # Copy only the sections that a calibration with any simulator has.
+        # Copy the sections that a calibration with any simulator has. A new field of
+        # `CalibrationSettings` must be added here. A study has only one number of
+        # seeds, so take that of the first bench test.
         calibration = CalibrationSettings(
             label=settings.label,
             simulator="repose",

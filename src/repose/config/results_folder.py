@@ -3,6 +3,10 @@
 Snakemake removes the outputs of a rule before it makes them again, whoever wrote them.
 Therefore a study starts only in a new folder or in the folder of a study, and only if
 no file of the user has the name of a result.
+
+Each folder of results has a ledger, a hidden list of the files that this program wrote
+there (`repose.common.ledger`). A result that is on this list and has the same content
+may be replaced. Any other file with the name of a result is a file of the user.
 """
 
 import os
@@ -97,7 +101,7 @@ def count_records_by_folder(records: Iterable[str]) -> list[str]:
 
 
 def require_separate_folder(results_dir: str) -> str:
-    """Refuse a folder of results inside the project's folders or around the project.
+    """Reject a folder of results that lies in a project folder or contains the project.
 
     Parameters
     ----------
@@ -112,7 +116,8 @@ def require_separate_folder(results_dir: str) -> str:
     Raises
     ------
     PydanticCustomError
-        If results there could be mixed with files of the project or of the user.
+        If the folder lies inside one of `PROJECT_FOLDERS`, or if it contains the
+        project or the home folder. Results would then lie among other files.
     """
     # Unlike `Path.resolve`, this function accepts a link to itself.
     folder = Path(os.path.realpath(results_dir))
@@ -122,22 +127,24 @@ def require_separate_folder(results_dir: str) -> str:
     project_folders = [places.PACKAGE]
     for root in project_roots:
         project_folders += [root / name for name in PROJECT_FOLDERS]
-    is_inside = any(folder.is_relative_to(path) for path in project_folders)
-    is_around = any(
+    is_in_project_folder = any(folder.is_relative_to(path) for path in project_folders)
+    # Results must not be spread over the home folder either.
+    contains_project_or_home = any(
         path.is_relative_to(folder) for path in {*project_roots, Path.home()}
     )
-    if is_inside or is_around:
+    if is_in_project_folder or contains_project_or_home:
         allowed = (
-            "a folder of its own, not around the project and outside "
+            "a folder of its own, which does not contain the project and lies outside "
             f"{', '.join(PROJECT_FOLDERS)}"
         )
-        # An empty key stands for the value itself.
+        # `refuse` raises the error that pydantic expects. An empty key stands for the
+        # value itself.
         refuse([("", allowed)])
     return results_dir
 
 
-def find_folder_faults(results_dir: str) -> Contradictions:
-    """Find out whether a file stands in the way of the folder of results.
+def find_folder_problems(results_dir: str) -> Contradictions:
+    """Find out whether an existing file prevents the creation of the results folder.
 
     Yields
     ------
@@ -177,6 +184,8 @@ def make_output_pattern(outputs: Iterable[str]) -> re.Pattern[str]:
 def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
     """Turn the path of an output into a regular expression.
 
+    A wildcard that occurs twice in a path may match two different texts.
+
     Parameters
     ----------
     path : str
@@ -190,8 +199,8 @@ def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
     str
         The regular expression.
     """
-    # The parts alternate between plain text and names of wildcards, beginning with
-    # text.
+    # `WILDCARD_PATTERN` has exactly one group, the name of the wildcard. Therefore the
+    # parts alternate between plain text and names of wildcards, beginning with text.
     parts = re.split(WILDCARD_PATTERN, path)
     expression = ""
     for position, part in enumerate(parts):
@@ -206,6 +215,8 @@ def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
 def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     """Check that a study can write its results without replacing files of the user.
 
+    A foreign file is one that no study wrote, but that has the name of a result.
+
     Parameters
     ----------
     results_dir : str
@@ -216,14 +227,17 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     Raises
     ------
     InputError
-        With all faults: a result was edited, a file of another origin has the name of a
-        result, or the folder does not belong to a study.
+        With all problems: a result was edited, a foreign file has the name of a result,
+        or the folder does not belong to a study.
     OSError
         If a folder cannot be listed.
     """
     if not os.path.isdir(results_dir):
         return
 
+    # A study has written into the folder if the folder has a ledger, the list of its
+    # results. A copied folder may lack this hidden file. Its results are then
+    # recognised by their records of provenance.
     outputs = list(outputs)
     names = _list_names_of_results(results_dir, outputs)
     results_without_ledger = set(_find_results_without_ledger(results_dir, names))
@@ -232,10 +246,10 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
 
     # Find the results that were changed.
     folders = list(_walk_folders_of_results(results_dir, names))
-    faults: dict[str, InputError] = {}
+    errors_by_path: dict[str, InputError] = {}
     for folder, _ in folders:
         for path in _find_changed_results(folder, results_dir, names):
-            faults[str(path)] = _describe_changed_result(path, Path(folder))
+            errors_by_path[str(path)] = _make_changed_result_error(path, Path(folder))
 
     # Find files that have the name of a result but are not results. Other files of the
     # user may stay.
@@ -244,13 +258,13 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
         for file in _find_unlisted_files(folders)
         if file not in results_without_ledger
     ]
-    paths_in_the_way = [
+    foreign_paths = [
         *_find_folders_named_as_results(folders),
         *_select_files_to_be_replaced(foreign_files, outputs),
     ]
-    for path_in_the_way in paths_in_the_way:
-        faults[path_in_the_way] = _describe_foreign_file(path_in_the_way)
-    raise_together(faults[path] for path in sorted(faults))
+    for foreign_path in foreign_paths:
+        errors_by_path[foreign_path] = _make_foreign_file_error(foreign_path)
+    raise_together(errors_by_path[path] for path in sorted(errors_by_path))
 
 
 def _require_ledger(results_dir: str, name_of_result: str) -> None:
@@ -427,10 +441,12 @@ def _find_results_without_ledger(results_dir: str, names: list[str]) -> Iterator
 
 
 def restore_ledgers(results_dir: str, outputs: Iterable[str]) -> list[str]:
-    """Write new ledgers in the folders of results whose ledgers are missing.
+    """Write the missing ledgers in the folders of results.
 
-    Results are recognised by their records of provenance. The resolved configuration
-    and the table of processor times have no such records, but are listed as well.
+    The ledger of a folder is a hidden list of the files that this program wrote there.
+    It gets lost, for example, if the folder is copied without hidden files. Results are
+    recognised by their records of provenance, which say how a file was made. The files
+    in `FILES_WITHOUT_RECORD` have no such records, but are listed as well.
 
     Parameters
     ----------
@@ -442,24 +458,26 @@ def restore_ledgers(results_dir: str, outputs: Iterable[str]) -> list[str]:
     Returns
     -------
     list of str
-        The paths of the results that were listed. The list is empty if no ledger was
-        missing.
+        The paths of the results that were recognised and listed, without the other
+        files that were listed with them. The list is empty if no ledger was missing.
     """
     names = _list_names_of_results(results_dir, outputs)
     results = list(_find_results_without_ledger(results_dir, names))
     if not results:
         return []
 
-    # The record of a result may be in a file next to it, its sidecar.
+    # A record may be inside the result, or in a file next to it, called its sidecar.
     sidecars = [f"{path}{attached.SIDECAR_SUFFIX}" for path in results]
     files_without_record = [f"{results_dir}/{name}" for name in FILES_WITHOUT_RECORD]
     for path in (*results, *sidecars, *files_without_record):
+        # This program never writes a link, so a link is a file of the user.
         if os.path.isfile(path) and not os.path.islink(path):
+            # Add the file to the ledger of its folder, which is made if necessary.
             ledger.list_file(path)
     return results
 
 
-def _describe_changed_result(path: Path, folder: Path) -> InputError:
+def _make_changed_result_error(path: Path, folder: Path) -> InputError:
     """Make the error for a result that was changed after a study wrote it.
 
     Parameters
@@ -467,27 +485,29 @@ def _describe_changed_result(path: Path, folder: Path) -> InputError:
     path : Path
         The result.
     folder : Path
-        The folder whose ledger lists the result. If it is not the folder of the result,
-        the result is a file of a run of the user's own program.
+        The folder whose ledger, the list of its results, has an entry for this result.
+        A file of a run of the user's own program lies deeper: FOLDER/RUN/FILE. The
+        record of this run is FOLDER/RUN.json.
     """
-    author = "repose"
+    writer = "repose"
     files_to_remove = "this file, which is damaged or edited"
-    # A run of the user's own program is made again if its record is missing.
-    if path.parent != folder:
+    is_file_of_own_program = path.parent != folder
+    if is_file_of_own_program:
+        # Snakemake repeats the run only if the record of the run is missing as well.
         run = path.relative_to(folder).parts[0]
-        author = "its run"
+        writer = "its run"
         files_to_remove += f", and {folder / run}.json"
     return InputError(
         path,
         key="content",
         value="something else",
-        allowed=f"a result as {author} wrote it; remove {files_to_remove}, and give the same "
+        allowed=f"a result as {writer} wrote it; remove {files_to_remove}, and give the same "
         "command again",
     )
 
 
-def _describe_foreign_file(path: str) -> InputError:
-    """Make the error for a file with the name of a result that no study wrote."""
+def _make_foreign_file_error(path: str) -> InputError:
+    """Make the error for a file that has the name of a result, but that no study wrote."""
     return InputError(
         path,
         key="file",

@@ -25,8 +25,8 @@ from repose.config import dependencies, earlier_check, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 from repose.config.results_folder import RUN_TIMES_FILE
 
-# Beginning of the line that a stage prints when it refuses its input.
-FAULT_PREFIX = "repose: error:"
+# Beginning of the line that a stage prints when it rejects its input.
+ERROR_PREFIX = "repose: error:"
 
 
 def prepare_run(
@@ -35,10 +35,11 @@ def prepare_run(
     has_command_line: bool,
     check_inputs: bool,
 ) -> "WorkflowRun":
-    """Make the study of a run of the workflow from Snakemake's `config`.
+    """Check Snakemake's `config`, and prepare a run of the workflow with it.
 
     If an earlier run has checked the same configuration, the check is skipped
-    (`repose.config.earlier_check`).
+    (`repose.config.earlier_check`). This does not apply to a study with another
+    program.
 
     Parameters
     ----------
@@ -55,21 +56,22 @@ def prepare_run(
     Returns
     -------
     WorkflowRun
+        The run, which has not started.
 
     Raises
     ------
     InputError
-        With all faults of the configuration.
+        With all errors of the configuration.
     """
+    # Values that are in no file come from the command line or from another workflow.
     files = [_make_relative_path(path) for path in configfiles]
     source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW_SOURCE
     if loader.is_external(config):
         from repose.config.external import ExternalConfig
 
-        values = loader.locate_workflow_values(config, files, source)
-        return WorkflowRun(
-            ExternalConfig.from_merged(values, check_inputs=check_inputs)
-        )
+        merged = loader.locate_workflow_values(config, files, source)
+        external_study = ExternalConfig.from_merged(merged, check_inputs=check_inputs)
+        return WorkflowRun(external_study)
     merged = loader.merge_workflow_values(config, files, source)
 
     # Reuse the result of an earlier check, if there is one of this configuration.
@@ -78,7 +80,8 @@ def prepare_run(
     if resolved is not None:
         return WorkflowRun(PipelineConfig(resolved, merged.origin))
 
-    # Check the configuration now. Later runs may reuse only a check of all input files.
+    # Check the configuration now. With a fingerprint, the run stores the result for
+    # later runs. These may reuse only a check that includes all input files.
     study = PipelineConfig.of(merged.config, merged.origin, check_inputs=check_inputs)
     return WorkflowRun(study, new_fingerprint=fingerprint if check_inputs else None)
 
@@ -159,11 +162,13 @@ def _require_same_settings(study: PipelineConfig, paths: Iterable[str]) -> None:
 def handle_sigterm_in_thread() -> None:
     """Call Snakemake's handler of SIGTERM in a thread, so that it cannot deadlock.
 
-    The handler waits for a lock (`JobScheduler.exit_gracefully`, Snakemake 9.27).
-    Python calls handlers in the main thread, which itself holds the lock while it
-    selects jobs and records finished ones. A signal at such a moment would block the
-    run for ever. Call this function after Snakemake has set its handler, for example in
-    ``onstart``. It replaces the handler of this process.
+    SIGTERM asks the process to stop. Snakemake's handler waits for a lock
+    (`JobScheduler.exit_gracefully` in Snakemake 9.27). Python calls handlers in the
+    main thread, which itself holds the lock while it selects jobs and records finished
+    ones. A signal at such a moment would block the run for ever.
+
+    Call this function after Snakemake has set its handler, for example in ``onstart``.
+    The function replaces the handler of this process.
     """
     # Snakemake sets its handler only in the main thread.
     if threading.current_thread() is not threading.main_thread():
@@ -171,8 +176,9 @@ def handle_sigterm_in_thread() -> None:
     handler = signal.getsignal(signal.SIGTERM)
     if not callable(handler):
         return
-    # Signals wait in this queue. Unlike other queues, it allows a signal to interrupt
-    # `put` by another `put`.
+    # Signals wait in this queue. A second signal may arrive while the first is being
+    # put into it. Of all queues in Python, only this one documents that `put` may be
+    # called in the middle of another `put`.
     signal_numbers: SimpleQueue[int] = SimpleQueue()
 
     def call_handler() -> None:
@@ -208,10 +214,12 @@ class WorkflowRun:
         self._locks = ExitStack()
 
     def start(self, outputs: Iterable[str]) -> None:
-        """Lock the folder of results, and write the configuration for the jobs.
+        """Start the run: lock the folder of results, and write what the jobs need.
 
-        The lock lasts until the process ends. The process then prints the times of the
-        run, after everything that Snakemake prints.
+        The function also writes new lists of results (ledgers) where they are missing,
+        and stores the result of the check of the configuration. The lock lasts until
+        the process ends. The process then prints the times of the run, after everything
+        that Snakemake prints.
 
         Parameters
         ----------
@@ -223,6 +231,7 @@ class WorkflowRun:
         InputError
             If another run of the workflow uses the folder.
         """
+        # The lock comes first, because the other steps write into the folder.
         self._locks.enter_context(lock_folder(self.folder))
         listed_results = results_folder.restore_ledgers(self.folder, outputs)
         if listed_results:
@@ -232,10 +241,14 @@ class WorkflowRun:
                 f"{len(listed_results)} results were recognised by their records and listed again",
                 file=sys.stderr,
             )
+
+        # Write the configuration for the jobs. If this run was the first to check it,
+        # also store the result of the check for later commands.
         self.write_configuration()
         if self.new_fingerprint is not None:
             earlier_check.write_checked_config(self.new_fingerprint, self.study.config)
-        atexit.register(self._report_times)
+        # Functions that are registered with `atexit` run when the process ends.
+        atexit.register(self._record_times)
 
     def write_configuration(self) -> None:
         """Write the configuration that the jobs read."""
@@ -256,22 +269,23 @@ class WorkflowRun:
         )
 
     def has_bad_input(self) -> bool:
-        """Tell whether a job of this run refused its input.
+        """Tell whether a job of this run rejected its input.
 
-        A stage that refuses its input writes the fault as the last line of its log.
+        A stage that rejects its input writes the error as the last line of its log.
         """
         last_lines = []
         for path in Path(self.folder, "logs").rglob("*.log"):
             if path.stat().st_mtime >= self.start_s:
                 text = path.read_text(encoding="utf-8", errors="replace")
                 last_lines.append(text.rstrip().rpartition("\n")[2])
-        return any(line.startswith(FAULT_PREFIX) for line in last_lines)
+        return any(line.startswith(ERROR_PREFIX) for line in last_lines)
 
-    def _report_times(self) -> None:
-        """Print the times of this run, and append them to the table of runs.
+    def _record_times(self) -> None:
+        """Print the times of this run of the workflow, and add them to a table.
 
-        The function also corrects the benchmarks of the jobs. For a run without any job
-        it does nothing.
+        Snakemake writes a benchmark of each job, a file with its times. The function
+        also corrects the processor time in these files, which is too small. If the run
+        had no jobs, the function does nothing.
         """
         import pandas as pd
 
@@ -293,8 +307,8 @@ class WorkflowRun:
         this_run = runs[-1:]
         text = f"time: {_format_total_times(this_run)} on {row['processor']}"
         if len(runs) > 1:
-            text += f"; all {len(runs)} calls: {_format_total_times(runs)}"
-        # Ignore the error if the terminal is closed.
+            text += f"; all {len(runs)} runs: {_format_total_times(runs)}"
+        # Printing fails if the terminal was closed. Write the table nevertheless.
         with suppress(OSError):
             print(f"{text} ({path})", file=sys.stderr)
         write_table(path, runs)

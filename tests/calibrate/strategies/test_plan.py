@@ -179,7 +179,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
         section["screening_runs"] + section["steps"] + 1 + 24 + 2 * section["centres"]
     )
     design, *checks = (
-        sets * seeds for _, sets, seeds in cost.estimate_work(config)["pours"]
+        sets * seeds for _, sets, seeds in cost.estimate_work(config).runs
     )
     sequential = config["sequential"]["checks"]
     # Pours to learn from and pours to check the answer, for each row of the strategy
