@@ -285,6 +285,8 @@ def _locate_values(
 ) -> tuple[Any, dict[str, str]]:
     """Find the files from which the values of Snakemake's `config` come.
 
+    Snakemake has merged its files, and so has lost which file has which value.
+
     Parameters
     ----------
     value : object
@@ -306,7 +308,7 @@ def _locate_values(
         The source of the dotted key, and of each key below it.
     """
     if not isinstance(value, Mapping):
-        value_in_file, source = _find_single_value(
+        value_in_file, source = _locate_single_value(
             value, dotted_key, config_files=config_files, default_source=default_source
         )
         return value_in_file, {dotted_key: source}
@@ -316,6 +318,7 @@ def _locate_values(
     section_file = _find_last_file_with_section(dotted_key, config_files)
     files_by_key = {dotted_key: section_file or default_source}
     section = {}
+    # Treat each key of the section in the same way, by a call of this function.
     for name, item in value.items():
         section[name], files_of_item = _locate_values(
             item,
@@ -327,7 +330,7 @@ def _locate_values(
     return section, files_by_key
 
 
-def _find_single_value(
+def _locate_single_value(
     value: Any, dotted_key: str, config_files: Sequence[ConfigFile], default_source: str
 ) -> tuple[Any, str]:
     """Find the file from which a value in Snakemake's `config` comes.

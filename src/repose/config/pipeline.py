@@ -39,7 +39,7 @@ class PipelineConfig:
         The resolved configuration as plain values; `RESULTS/config.json` holds the
         same.
     source : str or Origin
-        The file that a fault names.
+        The file that an error names.
     """
 
     config: dict[str, Any]
@@ -377,7 +377,7 @@ class PipelineConfig:
         Raises
         ------
         InputError
-            With all faults at once.
+            With all errors at once.
         """
         self._checks.check_inputs()
 

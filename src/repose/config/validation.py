@@ -301,9 +301,9 @@ class ConfigChecks:
     def _check_named_files(self) -> None:
         """Check that the files which the configuration names exist and are valid.
 
-        A file with the data of the grain is read only when the grain is made. The
-        errors of missing and invalid files are added to the others. The contents of the
-        files are not kept.
+        Some files are not read here, because they are read when the grain is made
+        (`_map_keys_to_readers`). The errors of missing and invalid files are added to
+        the others. The contents of the files are not kept.
         """
         # The folder of results cannot be made if a file has the same path.
         if self._are_valid("results_dir"):
