@@ -355,7 +355,7 @@ def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
 def _describe_spread(
     section: "GrainSettings", *, relative_sd: float, lost_fraction: float
 ) -> str:
-    """Describe a wide spread of sizes, how it is simulated, and the volume that is lost.
+    """Describe a wide spread of sizes, how it is simulated, and the lost volume.
 
     For example: "sizes: WARNING: the equivalent diameter scatters by 12 %, and is drawn
     from a normal distribution".

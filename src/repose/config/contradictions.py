@@ -230,10 +230,10 @@ def _count_design_samples(settings: StudySettings, part: int) -> int:
 
 
 def _find_contact_law_problems(settings: StudySettings) -> KeyProblems:
-    """Yield a problem for each law without parameters, and parameter without a law.
+    """Find laws that lack their parameters, and parameters that lack their law.
 
-    An error message has the form "KEY VALUE: expected ALLOWED", and the second part of
-    each pair takes the place of ALLOWED.
+    An error message has the form "KEY is VALUE; expected ALLOWED". The first part of
+    each pair takes the place of KEY, the second that of ALLOWED.
     """
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law

@@ -247,8 +247,8 @@ class WorkflowRun:
         self.write_configuration()
         if self.new_fingerprint is not None:
             earlier_check.write_checked_config(self.new_fingerprint, self.study.config)
-        # A function that is registered with `atexit` is called when the process ends, so
-        # after everything that Snakemake prints. The lock is still held then.
+        # A function that is registered with `atexit` is called when the process ends,
+        # so after everything that Snakemake prints. The lock is still held then.
         atexit.register(self._record_times)
 
     def write_configuration(self) -> None:
