@@ -9,6 +9,7 @@ from plans import planned, snakemake
 from shared import target
 
 from repose.common import source_code
+from repose.common.errors import BAD_INPUT
 from repose.common.lock import lock_folder
 from repose.common.places import PACKAGE
 
@@ -235,7 +236,7 @@ def test_a_job_that_refuses_its_input_ends_the_workflow_as_the_verb_ends(finishe
     """Last in this file: the results of the finished study are empty, and the job's own are removed."""
     project, arguments = finished
     made = "results/quick/validation/solutions.csv"
-    # of snakemake; `repose run` ends as the verb
+    # `onerror` ends the workflow with the status that the job ended with.
     done = snakemake(
         project,
         "--cores",
@@ -245,9 +246,12 @@ def test_a_job_that_refuses_its_input_ends_the_workflow_as_the_verb_ends(finishe
         "solutions",
         "--",
         made,
-        status=1,
+        status=BAD_INPUT,
     )
-    # the last lines are those of the job's log, indented
-    last, times = (line.strip() for line in done.stderr.splitlines()[-2:])
+    # Snakemake prints the log of the job, and the workflow says how to go on.
+    lines = [line.strip() for line in done.stderr.splitlines()]
+    message = "repose: error: results/quick/miga/feasible.csv: rows is 0"
+    assert any(line.startswith(message) for line in lines)
+    *_, advice, times = lines
+    assert "correct what the message above names" in advice
     assert times.startswith("time: ")
-    assert last.startswith("repose: error: results/quick/miga/feasible.csv: ")
