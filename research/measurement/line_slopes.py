@@ -90,7 +90,7 @@ def measured(
     poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
 ) -> dict[str, float]:
     """Height [mm] of one pile and each line [deg], the mean of the views."""
-    height_m, views = pile.draw_views(
+    height_m, views = pile.prepare_views(
         Grains.of(poured, particle), settings, poured.get("in_pile")
     )
     rows = []

@@ -147,7 +147,7 @@ def variants_of(
     over the views, or of the first view with " (view)" behind the name; NaN where a variant cannot be measured in half
     of the views. NoFlankError if there is no pile.
     """
-    height_m, views = pile.draw_views(
+    height_m, views = pile.prepare_views(
         Grains.of(poured, particle), settings, poured.get("in_pile")
     )
     angles = []

@@ -34,7 +34,7 @@ def of_pours(
                 continue
             saved = saved_pours.select_pour(arrays, record["seed"], path)
             try:
-                _, views = pile.draw_views(
+                _, views = pile.prepare_views(
                     Grains.of(saved, particle), settings, saved["in_pile"]
                 )
             except NoFlankError:

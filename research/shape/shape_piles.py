@@ -38,7 +38,7 @@ def measured(
     settings = pile.with_grain_height(settings, particle)
     grains = Grains.of(arrays, particle)
     members = arrays["in_pile"]
-    height_m, views = pile.draw_views(grains, settings, members)
+    height_m, views = pile.prepare_views(grains, settings, members)
     angles: dict[str, list[float]] = {name: [] for name in COLUMNS}
     profiles = []
     for view in views:

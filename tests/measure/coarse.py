@@ -53,7 +53,7 @@ def rows(numbers: list[int], folder: Path) -> list[str]:
             if coarse is None:
                 continue
             n_measured += 1
-            if any("hardly differs" in doubt for doubt in photograph.doubts):
+            if any("hardly differs" in warning for warning in photograph.warnings):
                 n_pale += 1
             elif fine is not None:
                 angle = coarse.aor_deg - fine.aor_deg

@@ -14,7 +14,7 @@ from pinhole import Heap, Scene, Truth, photograph, truth
 
 from repose.measure.photographs import photograph as photographs
 from repose.measure.photographs import sheet
-from repose.measure.photographs.drawing import draw_refused_overlay, overlay
+from repose.measure.photographs.drawing import draw_rejected_overlay, overlay
 from repose.measure.settings import MeasureSettings
 
 NUMBER = 60
@@ -150,7 +150,7 @@ def show(found: photographs.Photograph, path: Path) -> None:
     shown = (
         overlay(found.view, seen)
         if seen is not None
-        else draw_refused_overlay(found.view, found.pile)
+        else draw_rejected_overlay(found.view, found.pile)
     )
     cv2.imwrite(str(path.with_name(f"{path.stem}_found.png")), shown)
 
@@ -187,7 +187,7 @@ def outcome(number: int, folder: Path) -> Outcome:
         number,
         trouble(number),
         plain(drawn),
-        found.refusal_reason,
+        found.rejection_reason,
         found.remarks,
         *missed,
     )
@@ -210,7 +210,7 @@ def silent(made: list[Outcome]) -> list[int]:
     return [
         outcome.number
         for outcome in made
-        if outcome.wrong and photographs.DOUBT not in outcome.note
+        if outcome.wrong and photographs.DOUBTFUL not in outcome.note
     ]
 
 

@@ -29,14 +29,14 @@ def floor(height):
 
 def test_a_good_pile_has_no_remark():
     pile = measure(cone(), types=["1"] * len(cone()))
-    assert (pile.doubts, pile.notes) == ((), ())
+    assert (pile.warnings, pile.notes) == ((), ())
     ellipsoids = make_particles(cone(), RADIUS * np.array([0.9, 0.95, 1.0]))
-    assert measure_particles(ellipsoids, SETTINGS, up="z", base=0.0).doubts == ()
+    assert measure_particles(ellipsoids, SETTINGS, up="z", base=0.0).warnings == ()
 
 
 def test_a_particle_that_is_there_twice_is_refused():
     centres = cone()
-    words = f"row 1 is 'a particle at the place of row {len(centres) + 1}'; .*once"
+    words = f"row 1 is 'a particle at the position of row {len(centres) + 1}'; .*once"
     with pytest.raises(InputError, match=words):
         measure(np.vstack([centres, centres + 1e-6]))
 
@@ -108,22 +108,24 @@ def test_shapes_that_are_no_single_pile_are_doubtful():
     top = centres[:, 2].max()
     column = np.zeros((30, 3))
     column[:, 2] = top + STEP * np.arange(1, 31)
-    (doubt,) = measure(np.vstack([centres, column])).doubts
-    assert doubt.startswith("doubtful: the outline falls by 8")
+    (warning,) = measure(np.vstack([centres, column])).warnings
+    assert warning.startswith("doubtful: the outline falls by 8")
     other = centres + np.array([16 * STEP, 0.0, 0.0])
     both = np.unique(np.vstack([centres, other]).round(6), axis=0)
-    doubts = measure(both).doubts
-    assert any("as of two piles" in doubt for doubt in doubts)
+    warnings = measure(both).warnings
+    assert any("as with two piles" in warning for warning in warnings)
     on_floor = np.vstack([centres, floor(-RADIUS)])
     types = ["1"] * len(centres) + ["2"] * len(floor(0.0))
     pile = measure(on_floor, types=types, up="z")
-    assert any("as of a floor of particles" in doubt for doubt in pile.doubts)
+    assert any(
+        "as with a floor made of particles" in warning for warning in pile.warnings
+    )
     assert f"types 1 ({len(centres)}), 2 (3721)" in pile.notes[0]
 
 
 def test_grains_as_wide_as_boulders_and_a_second_pile_get_a_note():
     (note,) = measure_particles(make_particles(20 * cone(), 20 * RADIUS)).notes
-    assert note.startswith("its grains are 0.2 m wide; is the unit of lengths another")
+    assert note.startswith("its grains are 0.2 m wide; is the unit of lengths wrong")
     apart = cone() + np.array([1.0, 0.0, 0.0])
     (note,) = measure(np.vstack([cone(), apart])).notes
     n = len(apart)

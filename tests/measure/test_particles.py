@@ -205,7 +205,7 @@ def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
         assert str(path) in str(fault.value)
 
     whole = dump_text(centres)
-    refused("a whole dump", "cut.dump", whole[: len(whole) // 2].rpartition("\n")[0])
+    refused("a complete dump", "cut.dump", whole[: len(whole) // 2].rpartition("\n")[0])
     refused("without ITEM: ATOMS", "head.dump", whole.partition("ITEM: ATOMS")[0])
     _, _, body = whole.partition("ITEM: BOX")
     refused("NUMBER OF ATOMS is 'missing'", "count.dump", f"ITEM: BOX{body}")
@@ -219,7 +219,7 @@ def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
     refused("orientation is 'missing'", "axes.csv", "x,y,z,a,b,c\n0,0,0,1,2,3\n")
     refused("row 2 is 'far'", "word.csv", "x,y,z,r\n0,0,0,1\nfar,0,0,1\n")
     refused("row 1 is 0.0; .* above 0", "point.csv", "x,y,z,r\n0,0,0,0\n")
-    refused("without a particle", "empty.csv", "x,y,z,r\n")
+    refused("without particles", "empty.csv", "x,y,z,r\n")
     refused(
         "row 2 is '3 values'; expected 4: ",
         "row.txt",
@@ -233,7 +233,7 @@ def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
     message = f"^{no_text}: table is .*; expected text in UTF-8, or in UTF-16"
     input_error(message, particle_files.read_particles, no_text)
     in_mm = pd.DataFrame(1e3 * centres, columns=["x", "y", "z"]).assign(r=5.0)
-    refused("is the unit of lengths another", "mm.csv", in_mm.to_csv(index=False))
+    refused("is the unit of lengths wrong", "mm.csv", in_mm.to_csv(index=False))
     cloud = np.random.default_rng(1).uniform(0, 1, (200, 3))
     refused("direction of gravity is 'unclear", "cloud.dump", dump_text(cloud))
 

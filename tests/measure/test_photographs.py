@@ -19,7 +19,7 @@ from repose.measure.photographs import finding
 from repose.measure.photographs import photograph as photographs
 
 PILE = [(60, 299), (300, 140), (540, 299)]
-DOUBTS = {
+WARNINGS = {
     "plate": "upright over 40",
     "horizon": "not that of a plate",
     "shadow": "darker background",
@@ -85,7 +85,7 @@ def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(
     )
 
 
-@pytest.mark.parametrize("seen", DOUBTS)
+@pytest.mark.parametrize("seen", WARNINGS)
 def test_what_stands_beside_or_below_a_pile_is_doubted_without_a_sheet(
     seen, tmp_path, measure
 ):
@@ -104,7 +104,7 @@ def test_what_stands_beside_or_below_a_pile_is_doubted_without_a_sheet(
     if seen == "frame":
         picture[:, :30] = picture[:, -30:] = picture[:30] = picture[-30:] = 0
     files.write_image(tmp_path / "a.png", picture)
-    assert DOUBTS[seen] in measure(tmp_path / "a.png", "--mm-per-pixel", 0.3).out
+    assert WARNINGS[seen] in measure(tmp_path / "a.png", "--mm-per-pixel", 0.3).out
     Image.new("L", (60, 60)).save(
         tmp_path / "a.tif", save_all=True, append_images=[Image.new("L", (60, 60))]
     )
@@ -181,7 +181,7 @@ def test_a_scale_that_no_camera_has_is_refused(tmp_path, measure, scale):
     assert [path.name for path in tmp_path.iterdir()] == ["pile.png"]
 
 
-COLOURED = "below its grains, with the colour of the background: a shadow"
+COLOURED = "below its grains, with the colour of the background: there is a shadow"
 # the first of a grey pile, narrower than it
 SHADOWS = [(40, 20, 60, 25, "a shadow at the foot")]
 SHADOWS += [
@@ -306,7 +306,7 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, measure):
     assert config["targets"][1]["value"] == summary["height_mm"]["value"]
     assert config["measure"]["response"] == "whole"
     assert config["measure"]["berry_height_mm"] == 8
-    assert "# the line: whole side, columns\n" in targets_file.read_text()
+    assert "# the line of the angle: whole side, columns\n" in targets_file.read_text()
 
 
 def test_one_photograph_gives_no_scatter(tmp_path, measure, command):

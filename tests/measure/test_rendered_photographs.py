@@ -118,7 +118,7 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
         Path(), mask, pile, geometry={"mm_per_pixel": px}
     )
     settings = MeasureSettings.with_defaults(berry_height_mm=6.0)
-    flat = photographs._measure_view(photograph, settings)
+    flat = photographs._measure_found_pile(photograph, settings)
     assert (flat.aor_deg < 30.9) == (above != 0)
     photograph.view, photograph.pile = remove_perspective(
         photograph.view,
@@ -127,7 +127,7 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
         (flat.angle.left_deg, flat.angle.right_deg),
         height / px,
     )
-    level = photographs._measure_view(photograph, settings)
+    level = photographs._measure_found_pile(photograph, settings)
     assert [level.angle.left_deg, level.angle.right_deg] == pytest.approx(
         [31.0, 31.0], abs=0.1
     )
@@ -150,7 +150,7 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
 def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, reason):
     photograph = measured(tmp_path, Scene(**SMALL | change))
     assert photograph.measurement is None
-    assert reason in photograph.refusal_reason
+    assert reason in photograph.rejection_reason
 
 
 def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
@@ -164,16 +164,16 @@ def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
     pile = mask.copy()
     cv2.circle(mask, (105, 60), 12, 1, -1)  # behind the pile, on the plate
     assert np.array_equal(
-        finding._keep_largest_part(finding._remove_floating(mask, 6)), pile
+        finding._keep_largest_part(finding._remove_floating_parts(mask, 6)), pile
     )
     cv2.circle(pile, (320, 88), 12, 1, -1)  # at the foot
-    left = finding._keep_largest_part(finding._remove_touching(pile, 7))
+    left = finding._keep_largest_part(finding._remove_grains_at_foot(pile, 7))
     assert left[:, 316:].sum() == 0
     assert left[:, :290].sum() == pile[:, :290].sum()
     # a post that hides what is behind it, and a speck of its shape
     mask[5:35, 20:24] = 1
     mask[40:52, 360:364] = 1
-    standing, posts = finding._find_standing_parts(mask)
+    standing, posts = finding._find_pile_and_objects(mask)
     assert standing[:, 100:301].sum() == standing.sum()
     assert posts[:, :30].sum() == 120
     assert posts[:, 30:].sum() == 0

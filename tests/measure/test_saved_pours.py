@@ -290,12 +290,12 @@ IMPOSSIBLE = (
     ),
     (
         *of_grains("position", lambda values: values[:10]),
-        "of as many grains as the other arrays",
+        "for as many grains as in the other arrays",
     ),
     (*of_grains("position", lambda values: values[:, :2]), r"numbers \(\d+, 3\)"),
     (*of_grains("position", lambda values: values.astype(str)), "numbers"),
     (*of_grains("quaternion", np.zeros_like), "a rotation of each grain"),
-    (*of_grains("in_pile", lambda values: values[:-1]), "of as many grains"),
+    (*of_grains("in_pile", lambda values: values[:-1]), "for as many grains"),
     (
         "scale_1",
         lambda arrays: arrays | {"scale_1": np.full(len(arrays["in_pile_1"]), -1.0)},

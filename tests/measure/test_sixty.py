@@ -12,7 +12,7 @@ from repose.common.errors import NoFlankError
 from repose.measure.photographs import finding, sheet
 from repose.measure.photographs import photograph as photographs
 from repose.measure.photographs.camera import Pose, calibrate_camera
-from repose.measure.photographs.doubts import list_doubts_of_pile
+from repose.measure.photographs.plausibility import list_pile_warnings
 from repose.measure.photographs.segmentation import Segmentation
 from repose.measure.photographs.tables import describe_results, make_tables
 from repose.measure.pile import measure_segmented
@@ -51,13 +51,14 @@ def test_all_sixty(tmp_path):
 def test_white_rice_before_grey_is_measured_by_its_roughness(tmp_path, monkeypatch):
     photograph = rice.measured(8103, tmp_path)
     assert (np.abs(rice.errors(8103, photograph)) < sixty.WRONG).all()
-    assert not photograph.doubts
+    assert not photograph.warnings
     find = finding.find_pile
     monkeypatch.setattr(
         finding, "find_pile", lambda view, _: find(view)
     )  # by colour alone
     assert (
-        "or the background is not plain" in rice.measured(8103, tmp_path).refusal_reason
+        "or the background is not plain"
+        in rice.measured(8103, tmp_path).rejection_reason
     )
 
 
@@ -67,7 +68,7 @@ def test_all_twelve_of_rice(tmp_path):
     sure = [
         seed
         for seed, photograph in made.items()
-        if photograph.measurement and not photograph.doubts
+        if photograph.measurement and not photograph.warnings
     ]
     assert len(sure) >= 10
     errors = {seed: rice.errors(seed, made[seed]) for seed in sure}
@@ -137,7 +138,7 @@ def outlined(*tops):
 
 
 @pytest.mark.parametrize(
-    ("tops", "doubt"),
+    ("tops", "warning"),
     [
         ([(300, 150)], None),
         ([(200, 100), (280, 40), (420, 80)], "as with two piles"),
@@ -149,12 +150,12 @@ def outlined(*tops):
         ([(250, 100), (300, 150), (350, 140), (351, 80)], "falls by 4"),
     ],
 )
-def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
+def test_what_is_found_is_asked_whether_it_is_a_heap(tops, warning):
     settings = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined(*tops)
-    doubts = list_doubts_of_pile(pile, measure_segmented(pile, settings), 6.0, 0.5)
-    assert bool(doubts) == bool(doubt)
-    assert any(doubt in line for line in doubts) or not doubt
+    warnings = list_pile_warnings(pile, measure_segmented(pile, settings), 6.0, 0.5)
+    assert bool(warnings) == bool(warning)
+    assert any(warning in line for line in warnings) or not warning
 
 
 def test_a_second_heap_beside_it_is_doubtful(tmp_path):
@@ -182,7 +183,7 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
 def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_path):
     settings = MeasureSettings.with_defaults(mm_per_pixel=0.5)
     pile = outlined((150, 60), (450, 62))
-    doubt = list_doubts_of_pile(
+    warning = list_pile_warnings(
         pile, seen := measure_segmented(pile, settings), 6.0, 0.5
     )[0]
     photograph = photographs.Photograph(
@@ -191,19 +192,21 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
         pile,
         seen,
         note="lens not corrected",
-        doubts=[doubt],
+        warnings=[warning],
     )
     text = describe_results(
         [photograph], make_tables([photograph], settings), settings, tmp_path
     )
-    assert doubt in next(line for line in text.splitlines() if line.startswith("a.png"))
+    assert warning in next(
+        line for line in text.splitlines() if line.startswith("a.png")
+    )
     assert "note: lens not corrected\n" in text
     settings = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined((100, 30), (500, 30))
     raised(
         NoFlankError,
         "a layer, not a pile",
-        list_doubts_of_pile,
+        list_pile_warnings,
         pile,
         measure_segmented(pile, settings),
         12.0,

@@ -65,8 +65,8 @@ def test_files_of_vtk_without_particles_are_refused(tmp_path):
         "size is 'missing'.*found: x, y, z", "facets.vtp", text.replace("radius", "n")
     )
     points = re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="0"', text)
-    refused("without a particle|file of VTK", "no_points.vtp", points)
-    refused("file of VTK|without a particle", "cut.vtp", text[: len(text) // 3])
+    refused("without particles|VTK file", "no_points.vtp", points)
+    refused("VTK file|without particles", "cut.vtp", text[: len(text) // 3])
     other = text.replace('type="PolyData"', 'type="Collection"')
     refused("'Collection'; expected one of Unstruct", "run.pvd", other)
 

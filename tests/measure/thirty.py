@@ -135,7 +135,7 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
             for scene, photograph_ in zip(same, found, strict=True):
                 seen = photograph_.measurement
                 if seen is None:
-                    missed[scene.seed % 1000] = photograph_.refusal_reason
+                    missed[scene.seed % 1000] = photograph_.rejection_reason
                     continue
                 true = truth(scene, settings)
                 missed[scene.seed % 1000] = (
@@ -229,8 +229,8 @@ def picture(path):
             photograph = measured(folder, Scene(**SMALL | change))
             axes[2, column].imshow(cv2.imread(str(photograph.path))[..., ::-1])
             axes[2, column].set_title(f"refused:\n{reason}", fontsize=7.5)
-            if reason not in photograph.refusal_reason:
-                raise AssertionError(f"{reason}: {photograph.refusal_reason}")
+            if reason not in photograph.rejection_reason:
+                raise AssertionError(f"{reason}: {photograph.rejection_reason}")
     for axis in axes.flat:
         axis.set_axis_off()
     canvas.savefig(path, dpi=144)

@@ -233,7 +233,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     table = pd.DataFrame(rows)
     table_path = Path(args.out) / PARTICLE_TABLE_FILE
     write_table(table_path, table)
-    is_counted = [args.doubtful or not pile.doubts for pile in piles]
+    is_counted = [args.doubtful or not pile.warnings for pile in piles]
     if runs is not None:
         results = _add_responses_to_runs(runs, table[is_counted], args.bench)
         write_table(Path(args.out) / RESULTS_TABLE_FILE, results)
@@ -321,7 +321,7 @@ def _make_row_of_pile(path: str, pile: "ParticlePile") -> dict[str, Any]:
         "base": pile.base,
         **pile.result.record(),
         **pile.other_responses,
-        "note": "; ".join([*pile.doubts, *pile.notes]),
+        "note": "; ".join([*pile.warnings, *pile.notes]),
     }
 
 
@@ -365,7 +365,7 @@ def _print_particle_piles(
     rows : iterable of mapping
         The rows of the table of piles.
     piles : iterable of ParticlePile
-        The piles, with their doubts and notes.
+        The piles, with their warnings and notes.
     settings : MeasureSettings
         How the piles were measured; they name the line of the angle.
     unit : str
@@ -381,7 +381,7 @@ def _print_particle_piles(
             f"{row['height_mm']:.2f} mm; {row['grains']} grains, up is {row['up']}, "
             f"the plate at {format_significant(row['base'])} {unit}"
         )
-        for remark in (*pile.doubts, *(f"note: {note}" for note in pile.notes)):
+        for remark in (*pile.warnings, *(f"note: {note}" for note in pile.notes)):
             print(f"  {remark}")
 
 
@@ -634,7 +634,7 @@ def _measure_piles(
     # because they show why.
     lens_pictures = [Path(name) for name in args.lens]
     photographs = measure_photographs(
-        pictures, settings, scale=scale, lens=lens_pictures
+        pictures, settings, scale=scale, lens_paths=lens_pictures
     )
     _write_overlays(photographs, overlays)
     _require_measured_pile(photographs, overlays)
@@ -670,7 +670,7 @@ def _write_overlays(
 
     for photograph, path in zip(photographs, overlays, strict=True):
         if photograph.measurement is None:
-            image = drawing.draw_refused_overlay(photograph.view, photograph.pile)
+            image = drawing.draw_rejected_overlay(photograph.view, photograph.pile)
         else:
             image = drawing.overlay(photograph.view, photograph.measurement)
         write_image(path, image)
@@ -689,7 +689,7 @@ def _require_measured_pile(
         InputError(
             photograph.path,
             key="pile",
-            value=photograph.refusal_reason,
+            value=photograph.rejection_reason,
             allowed=f"{EXPECTED_PILE}; {overlay} shows the part taken for the pile",
         )
         for photograph, overlay in zip(photographs, overlays, strict=True)

@@ -43,8 +43,11 @@ from repose.measure.profile_points import (
 )
 from repose.measure.settings import ONE_GRAIN, MeasureSettings
 
-# Points whose distances have a smaller standard deviation are a wall.
+# Points whose distances from the foot have a smaller standard deviation than this lie
+# above each other. They form a wall, which has no regression of height on distance.
 SMALLEST_SD_PX = 0.5
+# A vertical side also has few points, because each pixel column gives only one. So both
+# cases have the same reason.
 WALL_REASON = "too few boundary points on the flank, it is a wall"
 # Height at which the whole side begins. A lower pixel column shows no pile.
 FOOT_HEIGHT_PX = 1.0
@@ -74,18 +77,24 @@ MeasuredAngles = tuple[dict[str, PileAngle], dict[str, str]]
 
 
 class _Moments(NamedTuple):
-    """Sums over the points of each window (windows,), about the window's means."""
+    """Sums over the points of each window (windows,), with distances x and heights z.
+
+    The sums are taken about the means of the window, and not divided by the number of
+    points.
+    """
 
     n: np.ndarray  # number of points
-    xx: np.ndarray
-    zz: np.ndarray
-    xz: np.ndarray
+    xx: np.ndarray  # sum of (x - mean x)²
+    zz: np.ndarray  # sum of (z - mean z)²
+    xz: np.ndarray  # sum of (x - mean x) (z - mean z)
 
 
 def fit_flank(
     profile: np.ndarray, low: float, high: float, rule: str = "columns"
 ) -> Line:
-    """Fit the definition "flank": the regression of height on distance in a band.
+    """Fit a line by the definition "flank": the regression of height on distance.
+
+    It uses the points of one side whose heights lie in a band.
 
     Parameters
     ----------
@@ -104,17 +113,18 @@ def fit_flank(
     Raises
     ------
     NoFlankError
-        If the band has no line.
+        If no line can be fitted: the band is too low, has too few points, contains a
+        wall, or does not rise.
     """
     distance, height = select_points(profile, low, high, rule)
     return fit_line(distance, height, low, high)
 
 
 def fit_whole_side(profile: np.ndarray, rule: str = "columns") -> Line:
-    """Fit the definition "whole": the regression over all of a side.
+    """Fit a line by the definition "whole": the regression over all of a side.
 
-    The arguments are those of `fit_flank`. The band begins at the lowest pixel and ends
-    at the crest.
+    The parameters are those of `fit_flank`. The band begins at the lowest pixel and
+    ends at the crest, which is the last value of the profile.
     """
     return fit_flank(profile, FOOT_HEIGHT_PX, float(profile[-1]), rule)
 
@@ -122,12 +132,13 @@ def fit_whole_side(profile: np.ndarray, rule: str = "columns") -> Line:
 def fit_steepest(
     profile: np.ndarray, low: float, high: float, rule: str = "columns"
 ) -> Line:
-    """Fit the definition "steepest": the steepest line over at least half of a band.
+    """Fit a line by the definition "steepest": the steepest over at least half a band.
 
-    A stretch is the band without some whole pixels at its lower and its upper end. The
-    line is fitted to the steepest of all stretches. One of them is the whole band, so
-    the line is never flatter than the flank. On a lumpy flank the line is too steep,
-    because it is the steepest of many.
+    A stretch is a part of the band: some whole rows of pixels are cut off at the lower
+    end of the band, and some at its upper end. The line is fitted to the steepest of
+    all stretches. The whole band is a stretch, too, so the line is never flatter than
+    the flank. On a lumpy flank the line is too steep, because it is the steepest of
+    many.
 
     Parameters
     ----------
@@ -149,6 +160,8 @@ def fit_steepest(
         If half of the band is too low, or if no stretch rises.
     """
     distance, height = select_points(profile, low, high, rule)
+    # The lowest stretch must have at least `MIN_LEVELS` rows of pixels, and the band at
+    # least as many points.
     min_height = (high - low) / 2
     if min_height < MIN_LEVELS:
         raise NoFlankError(
@@ -158,8 +171,8 @@ def fit_steepest(
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL_REASON)
 
-    # Compute only the slopes of all stretches, which is fast. Then fit the steepest
-    # one.
+    # Compute only the slopes of all stretches, which is fast. Then fit a line to the
+    # steepest one.
     lows, highs = _list_stretches(low, high, min_height)
     slopes = compute_window_slopes(distance, height, lows, highs)
     steepest = _find_best_window(slopes)
@@ -197,7 +210,7 @@ def _list_stretches(
 def fit_straightest(
     profile: np.ndarray, smallest_fraction: float, rule: str = "columns"
 ) -> Line:
-    """Fit the definition "straightest": the window of the largest correlation.
+    """Fit a line by the definition "straightest": through the straightest window.
 
     A window consists of successive points of the side. The line is fitted to the window
     in which distance and height correlate most, as in Li et al. (2020). They do not
@@ -221,7 +234,8 @@ def fit_straightest(
     Raises
     ------
     NoFlankError
-        If the side has too few points, or if no window rises.
+        If the side has too few points, if it is a wall, or if no window rises towards
+        the crest.
 
     References
     ----------
@@ -234,6 +248,7 @@ def fit_straightest(
         raise NoFlankError(WALL_REASON)
     first, last = _list_windows(n_points, min_points)
     correlations = compute_window_correlations(distance, height, first, last)
+    # This raises NoFlankError if no window is usable.
     straightest = _find_best_window(correlations)
     window = slice(first[straightest], last[straightest])
     window_height = height[window]
@@ -243,7 +258,7 @@ def fit_straightest(
 
 
 def _list_windows(n_points: int, min_points: int) -> tuple[np.ndarray, np.ndarray]:
-    """List windows of successive points, which begin and end at a limited number of places.
+    """List windows of successive points that begin and end at a limited set of points.
 
     Parameters
     ----------
@@ -328,16 +343,18 @@ def compute_window_slopes(
     Parameters
     ----------
     distance, height : ndarray
-        The points (N,) of one side.
+        The points (N,) of one side in pixels.
     lows, highs : ndarray
-        Lowest and highest height of each window (windows,).
+        Lowest and highest height of each window (windows,) in pixels.
 
     Returns
     -------
     ndarray
-        Slopes (windows,); NaN for a window with too few points, or a wall.
+        Slopes (windows,), height over distance. A slope is NaN if the window has too
+        few points, or if it is a wall, which is a vertical part of the side.
     """
-    # In the order of the heights, the points of a window follow each other.
+    # Sort the points by height. The points of each window are then a slice, which
+    # begins at `first` and ends before `last`.
     order = np.argsort(height, kind="stable")
     first = np.searchsorted(height[order], lows, side="left")
     last = np.searchsorted(height[order], highs, side="right")
@@ -366,12 +383,14 @@ def _compute_window_moments(
         Number of the first point of each window, and of the point after its last one
         (windows,).
     """
-    # Running sums, which begin with 0 before the first point
+    # Running sums, which begin with 0 before the first point. The sum over a window is
+    # then the difference of two of them, and is 0 for an empty window.
     sums = np.cumsum([x, z, x * x, z * z, x * z], axis=1)
     sums = np.concatenate([np.zeros((len(sums), 1)), sums], axis=1)
     in_window = sums.take(last, axis=1) - sums.take(first, axis=1)
     sum_x, sum_z, sum_xx, sum_zz, sum_xz = in_window
-    # Refer the sums to the means of the window. An empty window has sums of 0.
+    # Convert them to sums about the means of the window. For an empty window, n is 1 to
+    # avoid a division by zero.
     n = np.maximum(last - first, 1)
     return _Moments(
         n=n,
@@ -387,19 +406,21 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
     Parameters
     ----------
     distance, height : ndarray
-        The points (N,).
+        The points (N,) in pixels: distance from the beginning of the profile, and
+        height over the plate.
     low, high : float
-        Heights at which the line ends.
+        Heights in pixels at which the line ends.
 
     Returns
     -------
     Line
-        The line.
+        The line with its angle, its lower end and its upper end.
 
     Raises
     ------
     NoFlankError
-        If the points are too few or a wall, or if the line does not rise.
+        If there are fewer than `MIN_LEVELS` points, if they lie nearly above each
+        other, or if the line does not rise towards the crest.
     """
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL_REASON)
@@ -411,7 +432,7 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
     slope = float(deviation @ (height - height.mean()) / sum_of_squares)
     if slope <= 0:
         raise NoFlankError("the boundary does not rise towards the crest")
-    # The line goes through the means. Find where it reaches both heights.
+    # The line goes through the mean point. Find where it reaches both heights.
     intercept = float(height.mean() - slope * distance.mean())
     lower_end = ((low - intercept) / slope, low)
     upper_end = ((high - intercept) / slope, high)
@@ -419,9 +440,9 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
 
 
 def fit_secant(profile: np.ndarray, grain_px: float) -> Line:
-    """Fit the definition "secant" to one side: the line from its foot to the crest.
+    """Fit a line by the definition "secant": from the foot of a side to the crest.
 
-    The foot lies on the plate, below the outermost place that is as high as a grain.
+    The foot lies on the plate, below the outermost point that is as high as a grain.
 
     Parameters
     ----------
@@ -440,23 +461,26 @@ def fit_secant(profile: np.ndarray, grain_px: float) -> Line:
     NoFlankError
         If the pile is not higher than a grain, or if the side has no foot.
     """
-    crest = float(profile.size - 1)
+    # Positions are counted in columns from the beginning of the profile, which ends at
+    # the crest.
+    crest_x = float(profile.size - 1)
     height = float(profile[-1])
     if not 0 < grain_px < height:
         raise NoFlankError("the pile is not higher than one grain")
     if profile[0] >= grain_px:
         raise NoFlankError(NO_FOOT)
+    # There is one crossing, because only one height is given.
     (crossing,) = find_outermost_crossing(profile, np.array([grain_px]))
-    foot = float(crossing)
-    angle_deg = math.degrees(math.atan2(height, crest - foot))
-    return Line(angle_deg, ((foot, 0.0), (crest, height)))
+    foot_x = float(crossing)
+    angle_deg = math.degrees(math.atan2(height, crest_x - foot_x))
+    return Line(angle_deg, ((foot_x, 0.0), (crest_x, height)))
 
 
 def compute_secant(left: Line, right: Line) -> float:
-    """Compute the secant of a pile in degrees from the lines of its two sides.
+    """Compute a pile's angle by the definition "secant" from the lines of both sides.
 
-    It is atan(2 H / D), where H is the height of the crest and D the sum of the widths
-    of both sides.
+    It is atan(2 H / D) in degrees, where H is the height of the crest and D the sum of
+    the widths of both sides.
     """
     (left_foot, _), (left_crest, height) = left.ends
     (right_foot, _), (right_crest, _) = right.ends
@@ -470,14 +494,17 @@ def measure_sides(
     settings: MeasureSettings,
     definitions: Sequence[str] = DEFINITIONS,
 ) -> MeasuredAngles:
-    """Measure the angle of a pile by several definitions, as the mean of its sides.
+    """Measure the angle of a pile by several definitions.
+
+    The angle of a pile is the mean of the angles of its two sides. Only the secant has
+    its own formula, `compute_secant`.
 
     Parameters
     ----------
     profile : ndarray
-        Heights (W,) of both sides over the plate in pixels.
+        Heights (W,) over the plate in pixels of all columns of the pile.
     crest : int
-        The column of the crest, which belongs to both sides.
+        Index of the column of the crest, which belongs to both sides.
     settings : MeasureSettings
         Settings of the lines.
     definitions : sequence of str
@@ -486,9 +513,9 @@ def measure_sides(
     Returns
     -------
     measured : dict
-        The angles by definition.
+        A `PileAngle` for each definition by which the angle could be measured.
     reasons : dict
-        Why the other angles could not be measured, by definition.
+        For each other definition, the reason why it could not.
     """
     # Both sides run from outside the foot to the crest, so the right one is reversed.
     left_side = profile[: crest + 1]
@@ -511,7 +538,7 @@ def measure_sides(
 
 
 def _fit_side(side: np.ndarray, definition: str, settings: MeasureSettings) -> Line:
-    """Fit the line of one side by one definition.
+    """Fit a line to one side of a pile by a given definition.
 
     Parameters
     ----------
@@ -520,7 +547,8 @@ def _fit_side(side: np.ndarray, definition: str, settings: MeasureSettings) -> L
     definition : str
         One of `DEFINITIONS`.
     settings : MeasureSettings
-        Settings of the lines.
+        Settings of the lines. Their key `flank` is the rule that selects the points for
+        the definitions "flank" and "steepest".
 
     Returns
     -------
@@ -530,7 +558,7 @@ def _fit_side(side: np.ndarray, definition: str, settings: MeasureSettings) -> L
     Raises
     ------
     NoFlankError
-        If the side has no such line.
+        If no such line can be fitted to the side.
     ValueError
         For an unknown definition.
     """

@@ -48,9 +48,9 @@ class Slip:
     begins : int
         Row of the highest angle, at which the slip begins.
     detection : int
-        Row at which the angle has fallen by enough to count as a slip.
+        Row at which the angle has fallen far enough to count as a slip.
     ends : int
-        Row at which the bed is calm again.
+        Row at which the grains have settled again.
     """
 
     begins: int
@@ -59,24 +59,25 @@ class Slip:
 
 
 def surface_of(
-    filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_share: float
+    bed_mask: np.ndarray, radius_m: float, mm_per_pixel: float, fit_fraction: float
 ) -> Surface:
     """Find the surface of a bed and fit a line through its middle part.
 
     The surface is the upper edge of the bed in each column of the picture. The picture
-    shows a cross section of the drum, with the axis of the drum in the middle.
+    shows exactly the cross section of the drum: it is as wide and as high as the drum,
+    and the axis of the drum is in the middle.
 
     Parameters
     ----------
-    filled : ndarray
+    bed_mask : ndarray
         Mask (H, W) of the pixels that the bed covers.
     radius_m : float
         Inner radius of the drum.
     mm_per_pixel : float
         Scale of the picture.
-    fit_share : float
-        Share of the surface's width that is fitted, in its middle. The ends are left
-        out, because the wall lifts grains there.
+    fit_fraction : float
+        Fraction of the surface's width to which the line is fitted, in its middle. The
+        ends are left out, because the wall lifts grains there.
 
     Returns
     -------
@@ -86,23 +87,25 @@ def surface_of(
     Raises
     ------
     ValueError
-        If the bed is too narrow.
+        If the middle part has fewer than `MIN_COLUMNS` pixel columns.
     """
-    columns = np.flatnonzero(filled.any(axis=0))
-    top_rows = filled.argmax(axis=0)[columns]
-    # Convert pixels to positions relative to the axis. Rows count downwards.
+    columns = np.flatnonzero(bed_mask.any(axis=0))
+    top_rows = bed_mask.argmax(axis=0)[columns]
+    # Convert pixels to positions relative to the axis, which lies one radius right of
+    # the left border and one radius above the lower border. Rows count downwards.
     pixel_m = 1e-3 * mm_per_pixel
     x = (columns + 0.5) * pixel_m - radius_m
-    z = (len(filled) - top_rows) * pixel_m - radius_m
+    z = (len(bed_mask) - top_rows) * pixel_m - radius_m
     # Fit only the middle part. An empty picture has none.
     is_fitted = np.zeros(len(x), dtype=bool)
     if len(x) > 0:
         middle = 0.5 * (x.min() + x.max())
-        is_fitted = np.abs(x - middle) <= 0.5 * fit_share * np.ptp(x)
-    if np.count_nonzero(is_fitted) < MIN_COLUMNS:
+        is_fitted = np.abs(x - middle) <= 0.5 * fit_fraction * np.ptp(x)
+    n_fitted = np.count_nonzero(is_fitted)
+    if n_fitted < MIN_COLUMNS:
         raise ValueError(
-            f"the bed is {len(x)} pixels wide; expected {MIN_COLUMNS} in the part that "
-            "is fitted"
+            f"the bed is {len(x)} pixels wide, of which the line can be fitted to "
+            f"{n_fitted}; expected at least {MIN_COLUMNS}"
         )
     slope, intercept = np.polyfit(x[is_fitted], z[is_fitted], 1)
     ends = x[is_fitted][[0, -1]]
@@ -155,7 +158,7 @@ def occupied_share(
     Returns
     -------
     ndarray
-        Shares (H, W), 0 to 1.
+        Fractions (H, W), 0 to 1.
     """
     views = [side_view(grains, radius_m, mm_per_pixel) for grains in frames]
     return np.mean(views, axis=0)
@@ -163,24 +166,26 @@ def occupied_share(
 
 def surface_heights(
     occupied: np.ndarray,
-    covered: float,
+    threshold: float,
     x_m: np.ndarray,
     radius_m: float,
     mm_per_pixel: float,
 ) -> np.ndarray:
-    """Compute the mean surface of a bed in many frames, as heights over the drum's axis.
+    """Compute the heights of the mean surface of a bed in many frames.
 
     The higher a pixel lies, the fewer frames show the bed in it. The mean surface is at
-    the height where the fraction of these frames falls to a given value.
+    the height where the fraction of these frames falls to a threshold.
 
     Parameters
     ----------
     occupied : ndarray
-        Share (H, W) of frames in which the bed covers a pixel.
-    covered : float
-        The value to which the fraction falls.
+        Fraction (H, W) of frames in which the bed covers a pixel, from
+        `occupied_share`. The picture is as wide and as high as the drum.
+    threshold : float
+        The fraction on the mean surface.
     x_m : ndarray
-        Distances (M,) from the axis at which the heights are computed.
+        Horizontal distances (M,) from the axis at which the heights are computed,
+        positive to the right.
     radius_m : float
         Inner radius of the drum.
     mm_per_pixel : float
@@ -189,29 +194,30 @@ def surface_heights(
     Returns
     -------
     ndarray
-        Heights (M,) in m. Where there is no bed, they are those of the drum's wall.
+        Heights (M,) in m above the drum's axis; negative below it. Where there is no
+        bed, they are the heights of the lower wall of the drum.
     """
     pixel_m = 1e-3 * mm_per_pixel
     n_rows, n_columns = occupied.shape
     columns = np.arange(n_columns)
     column_x = (columns + 0.5) * pixel_m - radius_m
-    is_covered = occupied >= covered
+    is_covered = occupied >= threshold
     has_bed = is_covered.any(axis=0)
     top_rows = is_covered.argmax(axis=0)
 
     # Interpolate between the uppermost covered pixel and the pixel above it, to find
-    # where the fraction equals `covered`. The middle of row k lies k + 1/2 pixels below
-    # the upper border of the picture.
+    # where the fraction equals the threshold. The middle of row k lies k + 1/2 pixels
+    # below the upper border of the picture. Above the first row, the fraction is 0.
     inner_fraction = occupied[top_rows, columns]
     outer_fraction = np.where(top_rows > 0, occupied[top_rows - 1, columns], 0.0)
     # A column without a bed is replaced below. Until then, avoid a division by zero.
     difference = np.where(has_bed, inner_fraction - outer_fraction, 1.0)
-    depth = top_rows + 0.5 - (inner_fraction - covered) / difference
-    surface = (n_rows - depth) * pixel_m - radius_m
+    rows_below_top = top_rows + 0.5 - (inner_fraction - threshold) / difference
+    surface_z = (n_rows - rows_below_top) * pixel_m - radius_m
 
-    # A column without a bed shows the drum's wall.
-    wall = -np.sqrt(np.maximum(radius_m**2 - column_x**2, 0.0))
-    return np.interp(x_m, column_x, np.where(has_bed, surface, wall))
+    # In a column without a bed, take the lower half of the circle of the drum's wall.
+    wall_z = -np.sqrt(np.maximum(radius_m**2 - column_x**2, 0.0))
+    return np.interp(x_m, column_x, np.where(has_bed, surface_z, wall_z))
 
 
 def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
@@ -249,18 +255,20 @@ def bed_angle(centres_m: np.ndarray) -> float:
 def relative_energy(
     grains: silhouette.Grains,
     velocities_m_s: np.ndarray,
-    turning_rad_s: np.ndarray,
+    angular_velocities_rad_s: np.ndarray,
     frame_rad_s: np.ndarray,
 ) -> float:
-    """Compute the mean kinetic energy of a grain in a turning frame.
+    """Compute the mean kinetic energy of the grains, relative to a turning frame.
 
-    It is the energy of translation and rotation, relative to the frame.
+    It is the energy of translation and rotation. A grain that moves with the frame has
+    none.
 
     Parameters
     ----------
     grains : silhouette.Grains
-        The grains; their particle has a mass and moments of inertia.
-    velocities_m_s, turning_rad_s : ndarray
+        The N grains. Their `particle`, which is the shape of a grain of scale 1, must
+        have the attributes `mass_kg` and `inertia_kg_m2`, the principal moments (3,).
+    velocities_m_s, angular_velocities_rad_s : ndarray
         Velocities and angular velocities (N, 3) in the frame at rest.
     frame_rad_s : ndarray
         Angular velocity (3,) of the frame, which turns about the origin.
@@ -268,15 +276,16 @@ def relative_energy(
     Returns
     -------
     float
-        The energy in J.
+        The mean energy of a grain in J.
     """
     particle: Any = grains.particle
-    scales = grains.scales
+    scales = grains.scales  # sizes (N,) relative to the particle
     relative_velocity = velocities_m_s - np.cross(frame_rad_s, grains.centres_m)
-    # Express the angular velocities in the frames of the bodies, whose axes are the
-    # principal axes of inertia.
+    # Express the angular velocities in the frames of the grains, whose axes are the
+    # principal axes of inertia. The matrices rotate from these frames to the world, so
+    # the sum over i multiplies by their transposes.
     rotations = rotation_matrices(grains.quaternions)
-    spin = np.einsum("nij,ni->nj", rotations, turning_rad_s - frame_rad_s)
+    spin = np.einsum("nij,ni->nj", rotations, angular_velocities_rad_s - frame_rad_s)
     # The mass of a grain grows with the cube of its size. Its moments of inertia grow
     # with the fifth power.
     twice_energy = scales**3 * particle.mass_kg * np.sum(relative_velocity**2, axis=1)
@@ -290,7 +299,7 @@ def find_slip(
     """Find the first slip in the record of a turning drum.
 
     The drum lifts the bed's centre of mass, which falls in a slip. The slip begins at
-    the highest angle of the centre of mass and ends when the grains are calm again.
+    the highest angle of the centre of mass, and ends when the grains have settled.
 
     Parameters
     ----------
@@ -302,7 +311,8 @@ def find_slip(
     drop_deg : float
         Drop from the highest angle that counts as a slip.
     calm_energy_j : float
-        The slip ends at the first energy below this one, or at the end of the record.
+        The grains have settled at the first energy below this one. If there is none,
+        the slip ends at the end of the record.
 
     Returns
     -------
@@ -310,29 +320,29 @@ def find_slip(
         The rows of the record at which the slip begins, is detected, and ends. None if
         there is no slip.
     """
-    # A slip is detected when the angle is far enough below its highest value until
-    # then.
+    # A slip is detected at the first row in which the angle is far enough below the
+    # highest angle that was reached before.
     angle = np.asarray(bed_deg, float)
-    highest_angle = np.maximum.accumulate(angle)
-    slip_rows = np.flatnonzero(highest_angle - angle >= drop_deg)
-    if len(slip_rows) == 0:
+    highest_so_far = np.maximum.accumulate(angle)
+    dropped_rows = np.flatnonzero(highest_so_far - angle >= drop_deg)
+    if len(dropped_rows) == 0:
         return None
-    detection = int(slip_rows[0])
-    # The slip ends at the first calm row after its detection. It begins at the highest
-    # angle before its detection.
-    calm_rows = np.flatnonzero(np.asarray(energy_j)[detection:] < calm_energy_j)
-    if len(calm_rows) > 0:
-        ends = detection + int(calm_rows[0])
+    detection = int(dropped_rows[0])
+    # The slip began at the highest angle before its detection. It ends at the first row
+    # after it in which the grains have settled.
+    start = int(np.argmax(angle[: detection + 1]))
+    settled_rows = np.flatnonzero(np.asarray(energy_j)[detection:] < calm_energy_j)
+    if len(settled_rows) > 0:
+        end = detection + int(settled_rows[0])
     else:
-        ends = len(angle) - 1
-    begins = int(np.argmax(angle[: detection + 1]))
-    return Slip(begins=begins, detection=detection, ends=ends)
+        end = len(angle) - 1
+    return Slip(begins=start, detection=detection, ends=end)
 
 
 def slip_displacement(
     before_m: np.ndarray, after_m: np.ndarray, turned_rad: float, surface: Surface
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute how far grains at each depth slipped down along the surface.
+    """Compute the depth of each grain, and how far it slipped down along the surface.
 
     Parameters
     ----------
@@ -348,9 +358,11 @@ def slip_displacement(
     depth : ndarray
         Depth (N,) of each grain below the surface before the slip in m. It is NaN for a
         grain beyond the ends of the surface's line.
-    motion : ndarray
-        Motion (N,) of each grain down along the surface in m; NaN for the same grains.
+    displacement : ndarray
+        Displacement (N,) of each grain down along the surface in m; NaN for the same
+        grains.
     """
+    # Of a position (x, y, z), the slice [:, ::2] takes x and z.
     # Find two directions in the cross section (x, z) of the drum: up along the surface,
     # and perpendicular to it, out of the bed.
     slope = math.radians(surface.angle_deg)
@@ -366,46 +378,53 @@ def slip_displacement(
 
     # Turn the later positions back by the rotation of the drum. A grain that only
     # turned with the drum has then not moved.
-    displacement = to_drum_frame(after_m, turned_rad) - before_m
-    motion = -displacement[:, ::2] @ along
+    motion = to_drum_frame(after_m, turned_rad) - before_m
+    displacement = -motion[:, ::2] @ along
     is_beyond = (distance < 0.0) | (distance > line_length)
-    return np.where(is_beyond, np.nan, depth), np.where(is_beyond, np.nan, motion)
+    return (
+        np.where(is_beyond, np.nan, depth),
+        np.where(is_beyond, np.nan, displacement),
+    )
 
 
-def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:
-    """Summarise the motion of grains in layers of equal thickness below the surface.
+def depth_profile(
+    depth_m: np.ndarray, displacement_m: np.ndarray, bin_m: float
+) -> np.ndarray:
+    """Summarise the displacement of grains in layers parallel to the surface.
 
     Parameters
     ----------
-    depth_m, moved_m : ndarray
-        Depth (N,) and motion (N,) of the grains, from `slip_displacement`.
+    depth_m, displacement_m : ndarray
+        Depth (N,) and displacement (N,) of the grains, from `slip_displacement`. Both
+        are NaN for the same grains, which are left out.
     bin_m : float
         Thickness of a layer.
 
     Returns
     -------
     ndarray
-        For each layer with grains (layers, 4): depth of its middle, mean and standard
-        deviation of the motion, number of grains.
+        A row (4,) for each layer that contains grains: depth of its middle, mean and
+        standard deviation of the displacement, number of grains. The lengths are in m.
     """
     is_known = np.isfinite(depth_m)
-    motion = moved_m[is_known]
+    displacement = displacement_m[is_known]
     layers = np.floor(depth_m[is_known] / bin_m).astype(int)
     rows = []
     for layer in np.unique(layers):
-        layer_motion = motion[layers == layer]
+        in_layer = displacement[layers == layer]
         middle = (layer + 0.5) * bin_m
-        mean = layer_motion.mean()
-        rows.append((middle, mean, layer_motion.std(), len(layer_motion)))
+        rows.append((middle, in_layer.mean(), in_layer.std(), len(in_layer)))
+    # The shape is (0, 4) if there is no layer.
     return np.array(rows).reshape(-1, 4)
 
 
-def moved_share(moved_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
+def moved_share(displacement_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
     """Compute the fraction of grains that moved by more than the equivalent diameter.
 
-    A motion of NaN does not count. If there is no other, the fraction is 0.
+    A grain whose displacement is NaN does not count. If no grain counts, the fraction
+    is 0.
     """
-    known = moved_m[np.isfinite(moved_m)]
+    known = displacement_m[np.isfinite(displacement_m)]
     if len(known) == 0:
         return 0.0
     return float(np.mean(np.abs(known) > equivalent_diameter(particle)))

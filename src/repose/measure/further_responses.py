@@ -1,8 +1,8 @@
-"""Responses of a pile besides angle and Height: its widths, packing and loose grains.
+"""Responses of a pile besides its angle and height: widths, packing and loose grains.
 
 Four of them come from the mean silhouette. R(z) is half the pile's width at the height
 z, from outermost boundary to outermost boundary, as the mean of all views; b is the
-height of a grain and H the Height.
+height of a grain and H the height of the pile.
 
 base_radius_mm
     R(b)
@@ -11,15 +11,15 @@ lower_deg
 upper_deg
     Slope of the upper flank, from H / 2 to 0.8 H.
 packing_percent
-    Volume of the pile's grains over that of the body of revolution, the integral of
-    pi R^2 dz. A balance gives the first.
+    Volume of the pile's grains over the volume of the body of revolution, the integral
+    of pi R^2 dz. In an experiment, a balance gives the volume of the grains.
 
-Two come from above, with all grains on the plate.
+Two come from the view from above, with all grains on the plate.
 
 radius_90_mm
-    Radius about the funnel's axis that holds 90 % of the grains, by their centres.
+    Radius about the funnel's axis that contains 90 % of the grains, by their centres.
 loose_percent
-    Share of the grains that do not touch the pile.
+    Percentage of the grains that do not touch the pile.
 
 `discharge_s` comes with the pour. The angle of repose by its other definitions comes
 with the runs (`angles`).
@@ -50,10 +50,11 @@ RESPONSE_NAMES = (
     "radius_90_mm",
     "loose_percent",
 )
-# Borders of the flanks, in fractions of the Height
+# Upper ends of both flanks, as fractions of the pile's height. The upper flank begins
+# at the end of the lower one. "Half of the pile" in messages means `LOWER_FLANK_TO`.
 LOWER_FLANK_TO = 0.5
 UPPER_FLANK_TO = 0.8
-SCATTER_FRACTION = 0.9  # of the grains, within `radius_90_mm`
+SCATTER_FRACTION = 0.9  # of the grains, within `radius_90_mm`; the name states it, too
 N_LEVELS = 200  # heights at which the silhouette's width is measured for the volume
 
 
@@ -62,7 +63,8 @@ def measure_half_widths(
 ) -> np.ndarray:
     """Measure half the width of a pile at several heights, as the mean over its views.
 
-    The width goes from the outermost boundary on the left to that on the right.
+    The width is the distance between the outermost boundaries on both sides. It is
+    measured to a fraction of a pixel.
 
     Parameters
     ----------
@@ -101,6 +103,8 @@ def measure_silhouettes(
 ) -> dict[str, float]:
     """Measure the responses of the mean silhouette: base, both flanks and packing.
 
+    The packing is the fraction of the pile's volume that grains fill.
+
     Parameters
     ----------
     profiles : sequence of ndarray
@@ -112,12 +116,12 @@ def measure_silhouettes(
     grain_mm : float
         Height of a grain.
     grains_mm3 : float
-        Volume of all grains.
+        Volume of all grains in the pile; NaN if it is unknown.
 
     Returns
     -------
     dict
-        The responses by name.
+        ``base_radius_mm``, ``lower_deg``, ``upper_deg`` and ``packing_percent``.
 
     Raises
     ------
@@ -125,7 +129,7 @@ def measure_silhouettes(
         If half of the pile is not higher than a grain.
     """
     # The lower flank goes from the height of a grain to the middle of the pile, the
-    # upper flank from there upwards.
+    # upper flank from there up to the height `upper_mm`.
     middle_mm = LOWER_FLANK_TO * height_mm
     if middle_mm <= grain_mm:
         raise NoFlankError(
@@ -135,8 +139,8 @@ def measure_silhouettes(
     base_radius, middle_radius, upper_radius = measure_half_widths(
         profiles, mm_per_pixel, [grain_mm, middle_mm, upper_mm]
     )
-    lower_slope = math.atan2(middle_mm - grain_mm, base_radius - middle_radius)
-    upper_slope = math.atan2(upper_mm - middle_mm, middle_radius - upper_radius)
+    lower_angle = math.atan2(middle_mm - grain_mm, base_radius - middle_radius)
+    upper_angle = math.atan2(upper_mm - middle_mm, middle_radius - upper_radius)
 
     # Add up the volume of the pile as a stack of thin discs.
     disc_mm = height_mm / N_LEVELS
@@ -145,8 +149,8 @@ def measure_silhouettes(
     volume_mm3 = math.pi * disc_mm * (radii**2).sum()
     return {
         "base_radius_mm": float(base_radius),
-        "lower_deg": math.degrees(lower_slope),
-        "upper_deg": math.degrees(upper_slope),
+        "lower_deg": math.degrees(lower_angle),
+        "upper_deg": math.degrees(upper_angle),
         "packing_percent": float(100 * grains_mm3 / volume_mm3),
     }
 
@@ -159,9 +163,10 @@ def measure_scatter(
     Parameters
     ----------
     centres_m : ndarray
-        Positions (N, 3) of all grains.
+        Positions (N, 3) of all grains. The middle of the plate is the origin, and the
+        upper side of the plate is z = 0.
     in_pile : array_like
-        Mask (N,) of the grains that touch the pile.
+        Mask (N,) of the grains that belong to the pile.
     plate_radius_mm : float
         Radius of the plate.
 
@@ -169,7 +174,8 @@ def measure_scatter(
     -------
     dict
         ``radius_90_mm`` is the radius around the middle of the plate that contains 90 %
-        of the grains on it. ``loose_percent`` is the fraction of them outside the pile.
+        of the grains on the plate. ``loose_percent`` is the percentage of the grains on
+        the plate that do not belong to the pile.
 
     Raises
     ------
@@ -194,7 +200,9 @@ def measure_pour(
     settings: MeasureSettings,
     plate_diameter_mm: float,
 ) -> dict[str, float]:
-    """Measure all responses of `RESPONSE_NAMES` of one pour.
+    """Measure the further responses of one pour, which `RESPONSE_NAMES` lists.
+
+    `measure_silhouettes` measures four of them, and `measure_scatter` the other two.
 
     Parameters
     ----------
@@ -219,20 +227,25 @@ def measure_pour(
         If there is no pile.
     """
     complete_settings = pile.with_grain_height(settings, particle)
-    assert complete_settings.berry_height_mm is not None
+    grain_mm = complete_settings.berry_height_mm
+    assert grain_mm is not None  # set by `with_grain_height`
     grains = Grains.of(arrays, particle)
     in_pile = arrays["in_pile"]
-    height_m, views = pile.draw_views(grains, complete_settings, in_pile)
-    profiles = [pile.find_profile(view)[0] for view in views]
-    # The packing needs the volume of all grains that the silhouettes show.
+    height_m, views = pile.prepare_views(grains, complete_settings, in_pile)
+    profiles = []
+    for view in views:
+        profile, _ = pile.find_profile(view)
+        profiles.append(profile)
+    # The packing needs the volume of all grains that the silhouettes show. A grain with
+    # the scale s has s³ times the volume of the particle.
     scales = grains.scales[in_pile] if settings.largest_pile_only else grains.scales
-    volume_over_particle = float((scales**3).sum())
+    total_relative_volume = float((scales**3).sum())
     shape = measure_silhouettes(
         profiles,
         mm_per_pixel=complete_settings.mm_per_pixel,
         height_mm=1e3 * height_m,
-        grain_mm=complete_settings.berry_height_mm,
-        grains_mm3=1e9 * particle.volume_m3 * volume_over_particle,
+        grain_mm=grain_mm,
+        grains_mm3=1e9 * particle.volume_m3 * total_relative_volume,
     )
     scatter = measure_scatter(grains.centres_m, in_pile, plate_diameter_mm / 2)
     return shape | scatter

@@ -15,8 +15,8 @@ from repose.common.errors import InputError
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
 
-MIN_SIDE_PX = 20
-MAX_PIXELS = 200_000_000
+MIN_SIDE_PX = 20  # smallest width and height of a picture
+MAX_PIXELS = 200_000_000  # largest number of pixels of a picture
 PICTURE_FORMATS = "PNG, JPEG, TIFF, BMP"
 # A phone's HEIC file has four bytes of another meaning, these four, and one of the
 # brands.
@@ -31,17 +31,23 @@ HEIC_BRANDS = (
     b"mif1",
     b"msf1",
 )
-# The brightest tone of a picture is estimated by this quantile, because single hot
-# pixels are brighter. A part of the rows and columns is enough for it.
+# The brightest tone of a picture is estimated by this quantile, because single faulty
+# pixels are brighter. Every `PEAK_STEP`-th row and column is enough for it.
 PEAK_QUANTILE = 0.999
 PEAK_STEP = 8
 
 
 def read_image(path: str | PathLike) -> np.ndarray:
-    """Read a picture file, turned upright by its EXIF entry, with 8 bits a colour.
+    """Read a picture file as BGR, with 8 bits for each colour.
 
-    A camera may store colours of 10 or 12 bits in 16 bits. Of such a picture, the upper
+    The picture is turned upright if an EXIF entry says how the camera was held. A
+    camera may store colours of 10 or 12 bits in 16 bits. Of such a picture, the upper
     eight of the bits in use are kept.
+
+    Parameters
+    ----------
+    path : path
+        The file.
 
     Returns
     -------
@@ -51,7 +57,8 @@ def read_image(path: str | PathLike) -> np.ndarray:
     Raises
     ------
     InputError
-        If the file is missing or is no picture that can be measured.
+        If the file is missing, is not a picture, or is a picture that cannot be
+        measured, such as one that is too small.
     """
     import cv2
 
@@ -71,6 +78,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
     content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     image: np.ndarray | None
     try:
+        # This also turns the picture upright by its EXIF entry.
         image = cv2.imdecode(content, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
     except cv2.error:
         # The file is empty, or has more pixels than OpenCV accepts.
@@ -80,7 +88,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
             path,
             key="picture",
             value=_describe_problem(content.size, has_header),
-            allowed=f"a picture file ({PICTURE_FORMATS}), whole",
+            allowed=f"a complete picture file ({PICTURE_FORMATS})",
         )
 
     if image.dtype == np.uint8:
@@ -90,15 +98,15 @@ def read_image(path: str | PathLike) -> np.ndarray:
     raise InputError(
         path,
         key="picture",
-        value=f"of {image.dtype} numbers",
-        allowed="a picture of 8 to 16 bits a colour: save it so",
+        value=f"a picture of {image.dtype} numbers",
+        allowed="a picture with 8 to 16 bits for each colour; save it in this form",
     )
 
 
 def _describe_problem(n_bytes: int, has_header: bool) -> str:
     """Describe why a file of this many bytes cannot be decoded as a picture.
 
-    `has_header` tells whether it begins as a picture.
+    `has_header` tells whether the file begins like a picture.
     """
     if n_bytes == 0:
         return "an empty file"
@@ -106,10 +114,11 @@ def _describe_problem(n_bytes: int, has_header: bool) -> str:
 
 
 def _keep_upper_bits(image: np.ndarray) -> np.ndarray:
-    """Convert a picture of 16 bits to 8 bits a colour.
+    """Convert a picture from 16 to 8 bits for each colour.
 
     The upper eight of the bits that the picture uses are kept.
     """
+    # The bits in use are those of the brightest tone.
     peak = int(np.quantile(image[::PEAK_STEP, ::PEAK_STEP], PEAK_QUANTILE))
     shift = max(peak.bit_length() - 8, 0)
     return np.minimum(np.right_shift(image, shift), 255).astype(np.uint8)
@@ -132,7 +141,8 @@ def _check_header(path: Path) -> bool:
     """Check the size of a picture and its number of pages, before it is decoded.
 
     A file whose header Pillow cannot read is accepted here, because OpenCV decides
-    later whether it is a picture.
+    later whether it is a picture. Pillow's limit of pixels, a global variable, is
+    changed for a moment, so do not call this in several threads at once.
 
     Returns
     -------
@@ -146,7 +156,7 @@ def _check_header(path: Path) -> bool:
     """
     from PIL import Image, UnidentifiedImageError
 
-    # Pillow's own limit is smaller than a phone's picture, so it is lifted here.
+    # The pictures of some phones are larger than Pillow's own limit, so remove it here.
     pillow_limit = Image.MAX_IMAGE_PIXELS
     Image.MAX_IMAGE_PIXELS = None
     try:
@@ -162,7 +172,7 @@ def _check_header(path: Path) -> bool:
             path,
             key="pages",
             value=n_pages,
-            allowed="1: save each as a file of its own",
+            allowed="1; save each page as a separate file",
         )
     if min(width, height) < MIN_SIDE_PX or width * height > MAX_PIXELS:
         size = f"{width} x {height} pixels"
@@ -171,8 +181,8 @@ def _check_header(path: Path) -> bool:
             key="size",
             value=size,
             allowed=(
-                f"at least {MIN_SIDE_PX} pixels each way, at most {MAX_PIXELS / 1e6:g} "
-                "million in all"
+                f"at least {MIN_SIDE_PX} pixels in each direction, and at most "
+                f"{MAX_PIXELS / 1e6:g} million in total"
             ),
         )
     return True
@@ -180,6 +190,7 @@ def _check_header(path: Path) -> bool:
 
 def _count_pages(picture: "PillowImage") -> int:
     """Count the pages of a picture; a phone's JPEG with a second view counts as one."""
+    # MPO is a JPEG file with several views of one scene.
     if picture.format == "MPO":
         return 1
     return getattr(picture, "n_frames", 1)

@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-DOUBT = "doubtful"  # begins each doubt about a pile
+# Begins each warning that a measured shape is not a single pile. A pile with such a
+# warning is called doubtful.
+DOUBTFUL = "doubtful"
 # Limits, in heights of a grain and in heights of the pile; the larger one counts
 LARGEST_RISE_GRAINS = 1.5  # of the outline, away from the crest
 LARGEST_RISE_FRACTION = 0.12
@@ -62,7 +64,7 @@ def measure_rise(sides: Sequence[np.ndarray], size: PileSize) -> float:
     float
         The largest rise in mm.
     """
-    # Compare each place with the lowest place between it and the crest.
+    # Compare the height of each column with the lowest one between it and the crest.
     rises_px = [float((side - np.minimum.accumulate(side)).max()) for side in sides]
     return size.mm_per_pixel * max(rises_px)
 

@@ -1,6 +1,7 @@
-"""Read files of particles, as simulators write them: positions with sizes.
+"""Read the positions and sizes of particles from the files that simulators write.
 
-Four formats are read.
+A particle is a single body: a sphere, an ellipsoid, or one sphere of a clump. A clump
+is a grain that consists of several spheres. Four formats are read.
 
 dump
     Text of LAMMPS and LIGGGHTS: the last of its time steps.
@@ -30,12 +31,13 @@ from repose.common.errors import InputError
 from repose.common.files import StrPath
 from repose.measure import vtk_files
 
-# Beginnings of a dump: of each of its sections, of its rows, and of their number
-DUMP_ITEM = "ITEM:"
-ATOMS_ITEM = "ITEM: ATOMS"
+# Header lines in a dump. LAMMPS calls a section of a dump an item, and a particle an
+# atom.
+DUMP_ITEM = "ITEM:"  # begins each header line
+ATOMS_ITEM = "ITEM: ATOMS"  # is followed by the names of the columns, and then by rows
 COUNT_ITEM = "ITEM: NUMBER OF ATOMS"
 UNITS_ITEM = "ITEM: UNITS"
-# Unit of lengths in the styles of units of LAMMPS that have one of ours.
+# Unit of lengths in those styles of units of LAMMPS whose unit is known here
 LENGTH_UNITS = {"si": "m", "cgs": "cm"}
 YADE_FORMAT = "#format "  # begins the text of Yade
 TABLE = "a table with a header"  # describes a file that has no other format
@@ -61,9 +63,10 @@ COLUMN_NAMES = {
     "grain": ("grain", "mol", "clump", "clumpid", "id_multisphere"),
 }
 ID_COLUMN = "id"  # of a particle
-# Lowest number of a clump. In LAMMPS a particle outside molecules has mol 0.
-LOWEST_CLUMP = 0
-LOWEST_MOLECULE = 1
+# Lowest id of a clump. A lower number marks a particle outside clumps: -1 in Yade and
+# LIGGGHTS. In LAMMPS, clumps are molecules, and a particle outside them has mol 0.
+LOWEST_CLUMP_ID = 0
+LOWEST_MOLECULE_ID = 1
 MOLECULE_COLUMN = "mol"
 # A radius and a diameter of one particle agree to this fraction, because they are
 # rounded.
@@ -117,8 +120,10 @@ class Particles(NamedTuple):
 def is_particle_file(path: StrPath) -> bool:
     """Tell whether a file may contain particles, by its name and its first bytes.
 
-    A VTK file or a text may contain them, also a compressed one. A file that is named
-    like a picture does not.
+    This is True for a VTK file and for any text file. It is False for a file that is
+    named like a picture, and for any other binary file. It is also True for each
+    compressed file, without looking inside, because `read_particles` then tells the
+    user to unpack it.
     """
     kind, compression = mimetypes.guess_type(path)
     if kind is not None and kind.startswith("image/"):
@@ -129,20 +134,20 @@ def is_particle_file(path: StrPath) -> bool:
         start = file.read(vtk_files.START_BYTES)
     if vtk_files.is_vtk(start):
         return True
-    # A text has no byte of zero, except in UTF-16.
+    # A text file contains no null byte, except in UTF-16.
     return b"\0" not in start or start.startswith(tables.UTF_16_MARKS)
 
 
 def read_particles(path: StrPath, radius: float | None = None) -> Particles:
-    """Read the particles of a file.
+    """Read the particles of a file in any of the formats that this module lists.
 
     Parameters
     ----------
     path : path
         The file.
     radius : float, optional
-        Radius of all particles, for a file without sizes. Such a file may lack a
-        header; its columns are then x, y and z.
+        Radius of all particles, for a file without sizes. Such a file needs no header;
+        without one, its columns are x, y and z.
 
     Returns
     -------
@@ -152,8 +157,8 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
     Raises
     ------
     InputError
-        If a column is missing, if a cell is no number or has an impossible value, or if
-        both the file and `radius` give sizes.
+        If there are no particles, if a column is missing, if a cell is not a number or
+        has an invalid value, or if both the file and `radius` give sizes.
     """
     _reject_compressed(path)
     table = _read_table(Path(path), may_lack_header=radius is not None)
@@ -164,7 +169,7 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
         raise InputError(
             path,
             key="file",
-            value="without a particle",
+            value="without particles",
             allowed="a row for each particle",
         )
     columns = _find_columns(table)
@@ -193,11 +198,11 @@ def _reject_compressed(path: StrPath) -> None:
 
 
 def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
-    """Find the grain to which each particle belongs.
+    """Return the number of the grain to which each particle belongs.
 
-    A particle is a separate grain if the file has no numbers of clumps, or if its
-    number is below that of any clump. Yade and LIGGGHTS mark a particle outside clumps
-    by -1, LAMMPS by molecule 0.
+    All particles of a clump belong to one grain. A particle outside clumps is a grain
+    of its own. This is every particle of a file without clump ids, and otherwise each
+    particle whose clump id is lower than the lowest valid one.
 
     Parameters
     ----------
@@ -209,19 +214,21 @@ def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
     Returns
     -------
     ndarray of int
-        Number (N,) of the grain of each particle; spheres of a clump share it.
+        Number (N,) of the grain of each particle, counted from 0.
     """
     rows = np.arange(len(table))
     if "grain" not in columns:
         return rows
     column = columns["grain"]
-    clumps = table[column]
+    clump_ids = table[column]
     is_molecule = str(column).strip().lower() == MOLECULE_COLUMN
-    lowest_number = LOWEST_MOLECULE if is_molecule else LOWEST_CLUMP
-    is_alone = pd.to_numeric(clumps, errors="coerce") < lowest_number
-    # Give each single particle a name that no clump has, and then number all names.
-    single_names = [f"alone {row}" for row in rows]
-    names = np.where(is_alone, single_names, clumps.astype(str))
+    lowest_id = LOWEST_MOLECULE_ID if is_molecule else LOWEST_CLUMP_ID
+    # A clump id may be any text. Text becomes NaN here, which is not lower.
+    is_single = pd.to_numeric(clump_ids, errors="coerce") < lowest_id
+    # Give each single particle a name that no clump has. Then number the different
+    # names.
+    single_names = [f"single particle {row}" for row in rows]
+    names = np.where(is_single, single_names, clump_ids.astype(str))
     numbers, _ = pd.factorize(names)
     return numbers
 
@@ -233,7 +240,9 @@ def _read_table(path: Path, may_lack_header: bool = False) -> pd.DataFrame:
     """Read a file in one of the formats as a table, a row for each particle.
 
     The formats are VTK, a dump of LAMMPS or LIGGGHTS, a text file of Yade, and any
-    table with a header. They are told apart by the first bytes of the file.
+    other table. The first three are recognised by the first bytes of the file, in this
+    order. In any other table, the first row is a header unless all its cells are
+    numbers.
 
     Parameters
     ----------
@@ -241,6 +250,12 @@ def _read_table(path: Path, may_lack_header: bool = False) -> pd.DataFrame:
         The file.
     may_lack_header : bool
         Whether the file may be a table without a header, whose columns are x, y and z.
+
+    Returns
+    -------
+    DataFrame
+        The table. Its cells may be text or numbers. The unit of lengths is in `attrs`,
+        if the file states it.
 
     Raises
     ------
@@ -260,12 +275,14 @@ def _read_table(path: Path, may_lack_header: bool = False) -> pd.DataFrame:
         return _split_rows(path, names, _leave_out_comments(lines))
     rows = _leave_out_comments(text.splitlines())
     first_cells = _split_row_of_numbers(rows[0]) if rows else []
-    has_header = not first_cells or not all(map(_is_number, first_cells))
-    if has_header:
+    lacks_header = len(first_cells) > 0 and all(map(_is_number, first_cells))
+    # `read_sheet` also reports a file without rows.
+    if not lacks_header:
         return tables.read_sheet(path, TABLE).text
     if may_lack_header and len(first_cells) == len(POSITION):
-        cells = [" ".join(_split_row_of_numbers(row)) for row in rows]
-        return _split_rows(path, list(POSITION), cells)
+        # Replace the separators of all rows by blanks, as `_split_rows` expects them.
+        blank_separated = [" ".join(_split_row_of_numbers(row)) for row in rows]
+        return _split_rows(path, list(POSITION), blank_separated)
     example = "x,y,z" if may_lack_header else "x,y,z,radius"
     raise InputError(
         path,
@@ -285,8 +302,8 @@ def _leave_out_comments(lines: list[str]) -> list[str]:
 def _split_row_of_numbers(row: str) -> list[str]:
     """Split a row of numbers, without names, into its cells.
 
-    Semicolons or tabs separate the cells, which then may have decimal commas. In a row
-    without these, commas or blanks separate them.
+    In a row with a semicolon or a tab, semicolons, tabs and blanks separate the cells,
+    and a comma is a decimal comma. In any other row, commas and blanks separate them.
     """
     if ";" in row or "\t" in row:
         return row.replace(",", ".").replace(";", " ").split()
@@ -318,6 +335,9 @@ def _reject_sizes(path: StrPath, table: pd.DataFrame) -> None:
 def _read_dump(path: Path, text: str) -> pd.DataFrame:
     """Read the last time step of a dump of LAMMPS or LIGGGHTS.
 
+    A dump contains one or more time steps. Each has several header lines, then the line
+    `ATOMS_ITEM` with the names of the columns, and then a row for each particle.
+
     Parameters
     ----------
     path : Path
@@ -328,8 +348,8 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for each particle. Its attribute `attrs` has the unit of lengths, if the
-        dump states one.
+        A row for each particle. The entry ``unit`` of its `attrs` is the unit of
+        lengths; None if the dump states none.
 
     Raises
     ------
@@ -337,20 +357,20 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
         If the dump has no particles, or if its last time step is incomplete.
     """
     lines = text.splitlines()
-    header_numbers = [
-        number for number, line in enumerate(lines) if line.startswith(ATOMS_ITEM)
+    header_indices = [
+        index for index, line in enumerate(lines) if line.startswith(ATOMS_ITEM)
     ]
-    if not header_numbers:
+    if not header_indices:
         raise InputError(
             path,
             key="file",
             value=f"a dump without {ATOMS_ITEM}",
-            allowed="a whole dump",
+            allowed="a complete dump",
         )
-    # The header has the names of the columns after the words of the item. All rows of
-    # the last time step follow it.
-    last_header = header_numbers[-1]
+    last_header = header_indices[-1]
     names = lines[last_header].removeprefix(ATOMS_ITEM).split()
+    # All lines after the last header are rows of particles. If the dump was cut off,
+    # there are fewer of them than the time step states.
     rows = lines[last_header + 1 :]
     count = _read_count(path, lines)
     if len(rows) != count:
@@ -358,7 +378,7 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
             path,
             key=ATOMS_ITEM,
             value=f"{len(rows)} rows",
-            allowed=f"{count} rows, a whole dump",
+            allowed=f"{count} rows, a complete dump",
         )
     table = _split_rows(path, names, rows)
     table.attrs["unit"] = LENGTH_UNITS.get(_find_item(lines, UNITS_ITEM))
@@ -366,8 +386,9 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
 
 
 def _find_item(lines: list[str], item: str) -> str:
-    """Find the line after the last line that is `item`; ``missing`` if there is none."""
+    """Return the line after the last header line `item`, or ``missing`` without one."""
     value = "missing"
+    # Add a line to the list, so that its last line has a next one, too.
     for line, next_line in itertools.pairwise([*lines, value]):
         if line == item:
             value = next_line.strip()
@@ -377,7 +398,8 @@ def _find_item(lines: list[str], item: str) -> str:
 def _read_count(path: Path, lines: list[str]) -> int:
     """Read the number of particles in the last time step of a dump.
 
-    It is on the line after `COUNT_ITEM`. Raises InputError if it is missing.
+    The number is on the line after the header line `COUNT_ITEM`. Raises InputError if
+    it is missing.
     """
     count = _find_item(lines, COUNT_ITEM)
     if not count.isdecimal():
@@ -461,7 +483,7 @@ def _require_columns(
 
 
 def _require_unique_ids(path: StrPath, table: pd.DataFrame) -> None:
-    """Raise InputError for a table in which two particles have the same number."""
+    """Raise InputError for a table in which two particles have the same id."""
     names = [name for name in table.columns if str(name).strip().lower() == ID_COLUMN]
     for name in names:
         is_repeated = table[name].duplicated()
@@ -572,10 +594,29 @@ def _read_semi_axes(
 def _read_sizes(
     path: StrPath, table: pd.DataFrame, columns: dict[str, str]
 ) -> np.ndarray:
-    """Read semi-axes (N, 3) from the first kind of sizes that a table has.
+    """Read semi-axes from the columns of sizes that a table has.
 
-    The arguments are those of `_read_semi_axes`. Raises InputError if there are no
-    sizes.
+    A table may give sizes in several ways. They are tried in this order: three
+    semi-axes, three full diameters along the axes, a radius, a diameter.
+
+    Parameters
+    ----------
+    path : path
+        The file, for messages.
+    table : DataFrame
+        Its table of N rows.
+    columns : dict
+        Column of each quantity in the table, from `_find_columns`.
+
+    Returns
+    -------
+    ndarray
+        Semi-axes (N, 3) in the unit of the file.
+
+    Raises
+    ------
+    InputError
+        If there are no sizes, or if a radius and a diameter contradict each other.
     """
     if columns.keys() >= set(SEMI_AXES):
         return _read_numbers(path, table, columns, SEMI_AXES)
@@ -619,10 +660,10 @@ def _require_same_sizes(
 def _read_quaternions(
     path: StrPath, table: pd.DataFrame, columns: dict[str, str]
 ) -> np.ndarray:
-    """Read the orientations (N, 4) of the particles.
+    """Read the orientations (N, 4) of the particles as quaternions w, x, y, z.
 
-    If the table has none, the axes of a particle are those of the file. The arguments
-    are those of `_read_semi_axes`. Raises InputError for an incomplete orientation.
+    If the table has none, the particles are not rotated. The parameters are those of
+    `_read_semi_axes`. Raises InputError if some of the four columns are missing.
     """
     if "qw" not in columns:
         return np.tile(NO_ROTATION, (len(table), 1))

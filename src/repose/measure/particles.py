@@ -35,11 +35,12 @@ from repose.measure.silhouette import Grains
 RADII_M = (1e-6, 1.0)
 # Pixels across a grain of the file, where the settings leave the scale to the program.
 PIXELS_PER_GRAIN = 32
-# Grains lie on the base if their lowest points differ by less than this fraction of a
-# radius.
+# Thickness of the layer that holds the lowest points of all grains on the base, in
+# radii
 LAYER_RADII = 0.2
-# The base has this many times as many grains as a plane across any other direction.
-SMALLEST_COUNT_RATIO = 2.0
+# The direction against gravity is clear only if the base has at least this many times
+# as many grains as the best plane across any other direction.
+MIN_COUNT_RATIO = 2.0
 # Gap [radii] up to which spheres count as touching: positions are rounded when written.
 CONTACT_GAP_RADII = 1e-3
 
@@ -94,8 +95,9 @@ class ParticlePile:
         Height of the base along it, in the unit of the file.
     n_grains, n_particles : int
         Numbers of grains and of their bodies that do not lie below the plate.
-    doubts : tuple of str
-        Signs that the measured shape is no single pile.
+    warnings : tuple of str
+        Signs that the measured shape is not a single pile. A pile with a warning is
+        called doubtful.
     notes : tuple of str
         What a user should know about the particles that were measured.
     """
@@ -106,7 +108,7 @@ class ParticlePile:
     base: float
     n_grains: int
     n_particles: int
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -156,7 +158,7 @@ def measure_particles(
     metres_per_unit = UNITS[unit]
     radius = particles.mean_radius
     _require_plausible_radius(radius, unit, source)
-    checks.require_distinct_places(particles, source)
+    checks.require_distinct_positions(particles, source)
 
     # Turn the pile upright, and shift its base to z = 0.
     if up is None:
@@ -187,12 +189,13 @@ def measure_particles(
         base, lowest=float(bottoms[is_measured].min()), radius=radius, source=source
     )
 
-    # Draw the pile. A layer is refused before its spheres are compared with its volume.
+    # Draw the pile. `prepare_views` rejects a mere layer of grains, in which
+    # `require_space_between` would find no space.
     grains = _make_grains(
         particles, centres * metres_per_unit, rotation, metres_per_unit
     )
     complete_settings = _complete_settings(settings, particles, metres_per_unit)
-    height_m, views = pile.draw_views(grains, complete_settings, in_pile)
+    height_m, views = pile.prepare_views(grains, complete_settings, in_pile)
     if in_pile is not None:
         radii = particles.semi_axes[in_pile, 0]
         checks.require_space_between(centres[in_pile], radii, unit=unit, source=source)
@@ -224,7 +227,7 @@ def measure_particles(
         base=base,
         n_grains=len(np.unique(particles.grains[is_above])),
         n_particles=int(is_above.sum()),
-        doubts=tuple(checks.list_doubts(outlines)),
+        warnings=tuple(checks.list_warnings(outlines)),
         notes=tuple(notes),
     )
 
@@ -247,7 +250,7 @@ def _require_plausible_radius(radius: float, unit: str, source: object) -> None:
             source,
             key="radius",
             value=f"{format_significant(radius)} {unit}",
-            allowed=f"a grain of {low:g} to {high:g} m; is the unit of lengths another one?",
+            allowed=f"a radius from {low:g} to {high:g} m; is the unit of lengths wrong?",
         )
 
 
@@ -304,17 +307,18 @@ def find_up(particles: Particles, source: object = "particles") -> str:
         bottoms = _find_lowest_points(particles, np.array(direction))
         base = _find_base(bottoms, layer_thickness)
         is_on_base = np.abs(bottoms - base) < layer_thickness
-        # Grains below the plane speak against it, because no grain of a pile lies below
-        # the plate.
+        # No grain of a pile lies below the plate. So subtract each grain below the
+        # plane from the number of grains on it.
         is_below = bottoms < base - layer_thickness
         counts[name] = int(is_on_base.sum()) - int(is_below.sum())
     first, second, *_ = sorted(counts, key=lambda name: -counts[name])
-    if counts[first] < SMALLEST_COUNT_RATIO * max(counts[second], 1):
+    if counts[first] < MIN_COUNT_RATIO * max(counts[second], 1):
         raise InputError(
             source,
             key="direction of gravity",
-            value=f"unclear: {max(counts[first], 0)} more grains lie on a plane than "
-            f"below it across {first}, {max(counts[second], 0)} across {second}",
+            value=f"unclear: the best plane across {first} has {max(counts[first], 0)} "
+            f"more grains on it than below it, and the best plane across {second} has "
+            f"{max(counts[second], 0)} more",
             allowed=f"--up, one of {', '.join(DIRECTIONS)}",
         )
     return first
@@ -335,8 +339,9 @@ def _find_lowest_points(particles: Particles, up: np.ndarray) -> np.ndarray:
     ndarray
         Heights (N,) along `up`, in the unit of the file.
     """
-    # The reach of an ellipsoid along a direction is the length of that direction, given
-    # in the body's frame, with each component times the semi-axis.
+    # The ellipsoid with semi-axes a, b, c extends by sqrt((a ux)² + (b uy)² + (c uz)²)
+    # from its centre along a unit vector u in its own frame. The sum over i turns `up`
+    # into this frame, by the transpose of the rotation.
     up_body = np.einsum("nij,i->nj", rotation_matrices(particles.quaternions), up)
     reach = np.linalg.norm(particles.semi_axes * up_body, axis=1)
     return particles.centres @ up - reach
@@ -378,7 +383,7 @@ def _make_rotation_to_z(up: np.ndarray) -> np.ndarray:
     """
     axis = int(np.argmax(np.abs(up)))
     if axis == 2:
-        # Half a turn about x where `up` points along -z, else no rotation
+        # Half a turn about x if `up` points along -z, else no rotation
         return np.diag([1.0, up[2], up[2]])
     # The new x is the other one of the axes x and y of the file.
     across = np.zeros(3)
@@ -395,28 +400,30 @@ def _make_grains(
     rotation: np.ndarray,
     metres_per_unit: float,
 ) -> Grains:
-    """Make the bodies to draw, in metres and in the frame in which z points up.
+    """Convert the bodies of a file to grains, in metres and with z pointing up.
 
     Parameters
     ----------
     particles : Particles
-        N bodies in the frame and the unit of the file.
+        N bodies in the frame and the unit of the file. Their orientations and sizes are
+        converted here.
     centres_m : ndarray
-        Their centres (N, 3) in the new frame, in m.
+        Their centres (N, 3), already in m and in the new frame.
     rotation : ndarray
         Rotation (3, 3) from the file's frame to the new one.
     metres_per_unit : float
-        Metres in a unit of length of the file.
+        Number of metres in one unit of length of the file.
 
     Returns
     -------
     Grains
-        The bodies; `Ellipsoids` if they are not spheres.
+        The bodies. They are `Ellipsoids`, a subclass, unless all of them are spheres.
     """
     from scipy.spatial.transform import Rotation
 
     if particles.are_spheres:
-        # A sphere looks the same in any orientation.
+        # A sphere looks the same in any orientation. Each one is a sphere of radius 1 m
+        # in the scale of its radius in m; its three semi-axes are equal.
         identity_quaternions = np.tile(NO_ROTATION, (len(centres_m), 1))
         radii_m = particles.semi_axes[:, 0] * metres_per_unit
         return Grains(centres_m, identity_quaternions, _UnitSphere(), radii_m)
@@ -432,17 +439,17 @@ def _make_grains(
 def _mark_pile(
     particles: Particles, centres: np.ndarray, allowed: np.ndarray | None = None
 ) -> np.ndarray:
-    """Mark the spheres of the largest set of touching grains, which is the pile.
+    """Mark the spheres in the pile, which is the largest cluster of touching grains.
 
-    A grain is a sphere or a clump of several; clumps touch where two of their spheres
-    do.
+    A grain is a single sphere, or a clump of several spheres. Two clumps touch each
+    other if any two of their spheres do.
 
     Parameters
     ----------
     particles : Particles
-        N spheres.
+        N bodies in the unit of the file; all of them are spheres.
     centres : ndarray
-        Their centres (N, 3), in the unit of the file.
+        Centres (N, 3) in the same unit, which may be turned and shifted.
     allowed : ndarray, optional
         Mask (N,) of the spheres that may belong to the pile. By default, all may.
 
@@ -462,7 +469,8 @@ def _mark_pile(
     distances = np.linalg.norm(centres[first] - centres[second], axis=1)
     is_touching = distances <= radii[first] + radii[second] + gap
 
-    # A contact of two spheres is a contact of their grains.
+    # A contact of two spheres is a contact of their grains. Grains have the numbers 0,
+    # 1, 2 and so on.
     grains = particles.grains
     contacts = grains[pairs[is_touching]]
     is_grain_allowed = np.zeros(int(grains.max()) + 1, bool)
@@ -485,15 +493,18 @@ def _complete_settings(
 ) -> MeasureSettings:
     """Complete the settings with the scale of the views and the height of a grain.
 
+    The scale depends on the size of a body of the file, because the views show these
+    bodies. The height is that of a whole grain, which may be a clump of several bodies.
+
     Parameters
     ----------
     settings : MeasureSettings or None
-        The user's settings. If they lack the height of a grain, it is the diameter of a
-        sphere of the grains' mean volume.
+        The user's settings. If they lack the height of a grain, it is set to the
+        diameter of a sphere with the mean volume of the grains.
     particles : Particles
         The bodies.
     metres_per_unit : float
-        Metres in a unit of length of the file.
+        Number of metres in one unit of length of the file.
 
     Returns
     -------
@@ -502,10 +513,12 @@ def _complete_settings(
     """
     settings = settings or MeasureSettings.with_defaults(mm_per_pixel=AUTO)
     if settings.mm_per_pixel == AUTO:
+        # Twice the radius, and 1000 mm in a metre
         diameter_mm = 2e3 * particles.mean_radius * metres_per_unit
         settings = settings.with_scale(_choose_scale(diameter_mm))
     if settings.berry_height_mm is not None:
         return settings
+    # A sphere of the volume V has the diameter (6 V / pi) ** (1 / 3).
     volume_m3 = _compute_volumes(particles).sum() * metres_per_unit**3
     n_grains = len(np.unique(particles.grains))
     height_mm = 1e3 * (6 / math.pi * volume_m3 / n_grains) ** (1 / 3)
@@ -518,7 +531,7 @@ def _describe_size(
     settings: MeasureSettings,
     metres_per_unit: float,
 ) -> PileSize:
-    """Describe the size of a pile, for the limits of its outline.
+    """Return the size of a pile, on which the limits of its outline depend.
 
     Parameters
     ----------
@@ -529,8 +542,9 @@ def _describe_size(
     settings : MeasureSettings
         Settings with the scale of the views and the height of a grain.
     metres_per_unit : float
-        Metres in a unit of length of the file.
+        Number of metres in one unit of length of the file.
     """
+    # `_complete_settings` has set both.
     assert settings.berry_height_mm is not None
     assert not isinstance(settings.mm_per_pixel, str)
     longest_mm = 2e3 * float(particles.semi_axes.mean(axis=0).max()) * metres_per_unit
@@ -558,7 +572,7 @@ def _compute_pile_volume(
     is_measured : ndarray
         Mask (N,) of the bodies in the pile.
     metres_per_unit : float
-        Metres in a unit of length of the file.
+        Number of metres in one unit of length of the file.
 
     Returns
     -------
@@ -578,7 +592,7 @@ def _measure_shape(
     settings: MeasureSettings,
     volume_m3: float | None,
 ) -> dict[str, float]:
-    """Measure base, flanks and packing of the pile.
+    """Measure the base and the flanks of the pile, and how densely grains fill it.
 
     Parameters
     ----------
@@ -587,15 +601,17 @@ def _measure_shape(
     height_m : float
         Height of the pile.
     settings : MeasureSettings
-        Settings with the height of a grain.
+        Settings with the height of a grain, from `_complete_settings`.
     volume_m3 : float or None
-        Volume of the grains in the pile; without it there is no packing.
+        Volume of the grains in the pile; None if it is unknown.
 
     Returns
     -------
     dict
-        The responses by name. There are none for a pile that is hardly higher than a
-        grain. Bodies that overlap as the spheres of clumps have no packing.
+        The responses by name. The dict is empty if `measure_silhouettes` raises
+        NoFlankError, which means that the pile is too low. It has no
+        ``packing_percent`` if the volume is unknown, or if it is so large that the
+        bodies must overlap.
     """
     assert settings.berry_height_mm is not None
     try:
@@ -608,8 +624,8 @@ def _measure_shape(
         )
     except NoFlankError:
         return {}
-    is_overfull = shape["packing_percent"] > 100 * checks.LARGEST_FILLED_FRACTION
-    if volume_m3 is None or is_overfull:
+    bodies_overlap = shape["packing_percent"] > 100 * checks.LARGEST_FILLED_FRACTION
+    if volume_m3 is None or bodies_overlap:
         del shape["packing_percent"]
     return shape
 

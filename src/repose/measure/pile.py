@@ -1,9 +1,9 @@
-"""Measure the angle of repose and the Height of a pile, in a picture or a simulation.
+"""Measure the angle of repose and the height of a pile, in a picture or a simulation.
 
 The steps are those of the paper (section 2.3, Figure 6): grey, threshold, edge,
 boundary, and a straight line through each flank. The angle of repose is the mean of the
-two arctangents, the Height that of the highest point over the base. A simulated pile is
-first projected to silhouettes.
+two arctangents. The height of the pile is that of its highest point over the base; the
+paper and the tables call it Height. A simulated pile is first projected to silhouettes.
 
 The paper does not define the part of a lumpy boundary through which the line goes. Five
 definitions are measured on every pile (`repose.measure.angles`), and the configuration
@@ -37,9 +37,10 @@ from repose.measure.silhouette import (
 if TYPE_CHECKING:
     from repose.measure.photographs.segmentation import Segmentation
 
-# Height of a pile in heights of a grain (20 mm for the mean grain); below it is a layer
+# Smallest height of a pile, in heights of a grain (20 mm in all for the mean grain).
+# Lower grains form a layer, which has no measurable slope.
 LOWEST_PILE_GRAINS = 1.5
-CREST_TOLERANCE = 1e-6  # pixels by which columns of the crest may differ
+CREST_TOLERANCE = 1e-6  # pixels by which columns of the crest may differ in height
 
 
 # --- one picture ---------------------------------------------------------------------
@@ -68,12 +69,12 @@ def measure_image(
     Returns
     -------
     Measurement
-        Angles and Height.
+        The angles and the height of the pile.
 
     Raises
     ------
     NoFlankError
-        If the picture shows no pile, or its response cannot be measured.
+        If the picture shows no pile, or if its response cannot be measured.
     """
     from repose.measure.photographs.segmentation import require_upright, segment
 
@@ -109,7 +110,7 @@ def find_profile(pile: "Segmentation") -> tuple[np.ndarray, int]:
         Heights (W,) of the pile's upper edge over its base in pixels; 0 beside the
         pile.
     crest : int
-        The highest column, the middle one of several.
+        Index of the highest column; the middle one if several are equally high.
     """
     from repose.measure.photographs.segmentation import find_upper_edge
 
@@ -122,10 +123,10 @@ def find_profile(pile: "Segmentation") -> tuple[np.ndarray, int]:
 
 
 def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measurement:
-    """Measure a picture that is split into pile and background.
+    """Measure the angles and the height of a pile that was found in a picture.
 
-    The result lacks an angle that cannot be measured, and has the reason instead. If
-    the response is such an angle, `with_response` raises an error.
+    If an angle cannot be measured, the result contains the reason in its place. This is
+    an error only if the angle is the response, see `with_response`.
 
     Parameters
     ----------
@@ -137,13 +138,13 @@ def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measur
     Returns
     -------
     Measurement
-        Angles and Height.
+        The angles and the height of the pile.
     """
-    profile, crest = find_profile(pile)
-    measured, reasons = measure_sides(profile, crest, settings)
+    profile, crest_column = find_profile(pile)
+    measured, reasons = measure_sides(profile, crest_column, settings)
     last_column = profile.size - 1
     angles = {}
-    for name, (aor_deg, left, right) in measured.items():
+    for name, (pile_angle_deg, left, right) in measured.items():
         # Convert the ends of both lines, which are distances and heights, to columns
         # and rows of the picture. Distances on the right side are counted from the last
         # column backwards.
@@ -157,17 +158,17 @@ def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measur
         angles[name] = Angle(
             left_deg=left.angle_deg,
             right_deg=right.angle_deg,
-            aor_deg=aor_deg,
+            aor_deg=pile_angle_deg,
             lines=(left_line, right_line),
         )
-    crest_height = float(profile[crest])
+    crest_height = float(profile[crest_column])
     return Measurement(
         response=settings.response,
         angles=angles,
         reasons=reasons,
         height_mm=crest_height * settings.mm_per_pixel,
         base_row=pile.base_row,
-        top=(float(crest), pile.base_row - crest_height),
+        top=(float(crest_column), pile.base_row - crest_height),
         contour=pile.contour,
         is_darker=pile.is_darker,
     )
@@ -181,22 +182,23 @@ def measure_pile(
     settings: MeasureSettings | None = None,
     in_pile: np.ndarray | None = None,
 ) -> PileResult:
-    """Measure simulated bodies on the plate z = 0 from `settings.views` sides.
+    """Measure a simulated pile on the plate z = 0 from `settings.views` sides.
 
     Parameters
     ----------
     grains : Grains
-        The N bodies.
+        The N grains.
     settings : MeasureSettings, optional
         Settings of the measurement; the default ones if left out.
     in_pile : ndarray, optional
-        Mask (N,) of the largest cluster in contact. Without it, the pile is the largest
-        connected part of each silhouette, which may include a loose grain in front.
+        Mask (N,) of the grains in the pile, which are the largest cluster of touching
+        grains. Without it, the pile is the largest connected part of each silhouette,
+        which may include a loose grain in front.
 
     Returns
     -------
     PileResult
-        Angles by each definition in each view, and the Height.
+        The angles by each definition in each view, and the height of the pile.
 
     Raises
     ------
@@ -205,7 +207,7 @@ def measure_pile(
     """
     settings = settings or MeasureSettings.with_defaults()
     settings = with_grain_height(settings, grains.particle)
-    height_m, views = draw_views(grains, settings, in_pile)
+    height_m, views = prepare_views(grains, settings, in_pile)
     profiles = (find_profile(view) for view in views)
     return measure_profiles(profiles, height_m, settings)
 
@@ -223,14 +225,16 @@ def measure_profiles(
         For each of `settings.views` views the profile (W,) and the column of its crest,
         see `find_profile`.
     height_m : float
-        Height of the highest point of the pile.
+        Height of the highest point of the pile, computed from the grains themselves.
+        The heights that are measured in the views are less accurate, and are returned
+        beside it.
     settings : MeasureSettings
         Settings of the measurement.
 
     Returns
     -------
     PileResult
-        Angles by each definition in each view, and the Height.
+        The angles by each definition in each view, and the height of the pile.
     """
     # An angle is NaN in a view in which it cannot be measured.
     angles = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
@@ -241,8 +245,8 @@ def measure_profiles(
         measured, reasons = measure_sides(profile, crest, settings)
         for name, angle in measured.items():
             angles[name][view] = angle.angle_deg
-        # If several views have a reason for a missing angle, that of the first view
-        # counts.
+        # Add the reasons of this view. The right operand of | takes precedence, so the
+        # reason of an earlier view is kept.
         first_reasons = reasons | first_reasons
     return PileResult(
         response=settings.response,
@@ -253,31 +257,33 @@ def measure_profiles(
     )
 
 
-def draw_views(
+def prepare_views(
     grains: Grains, settings: MeasureSettings, in_pile: np.ndarray | None = None
 ) -> tuple[float, Iterator["Segmentation"]]:
-    """Find the height of a simulated pile, and prepare its views.
+    """Prepare the side views of a simulated pile, and compute its height.
 
     Parameters
     ----------
     grains : Grains
-        The N bodies.
+        The N grains.
     settings : MeasureSettings
-        Settings of the measurement, with the height of a grain.
+        Settings of the measurement. They must have the height of a grain, see
+        `with_grain_height`.
     in_pile : ndarray, optional
-        Mask (N,) of the largest cluster in contact, see `measure_pile`.
+        Mask (N,) of the grains in the pile, see `measure_pile`.
 
     Returns
     -------
     height_m : float
         Height of the highest point.
     views : iterator of Segmentation
-        The views. Each view is drawn only when the iterator reaches it.
+        The views. Each view is drawn only when the iterator reaches it, so errors in
+        drawing a view occur there, and the iterator can be used only once.
 
     Raises
     ------
     NoFlankError
-        If there is no grain, or the pile is too low.
+        If there is no grain, or if the pile is so low that it is only a layer.
     """
     # Leave out loose grains, if the settings demand it and the pile is known.
     pile_grains = grains
@@ -286,14 +292,13 @@ def draw_views(
     if len(pile_grains.centres_m) == 0:
         raise NoFlankError("no grain lies in the pile")
 
-    # A layer of grains is no pile.
     height_m = find_top(pile_grains)
     assert settings.berry_height_mm is not None
-    lowest_m = LOWEST_PILE_GRAINS * 1e-3 * settings.berry_height_mm
-    if height_m < lowest_m:
+    min_height_m = LOWEST_PILE_GRAINS * 1e-3 * settings.berry_height_mm
+    if height_m < min_height_m:
         raise NoFlankError(
             f"the pile is {1e3 * height_m:.1f} mm high; a flank needs "
-            f"{1e3 * lowest_m:.1f} mm"
+            f"{1e3 * min_height_m:.1f} mm"
         )
     return height_m, _draw_silhouettes(pile_grains, settings)
 
@@ -301,14 +306,14 @@ def draw_views(
 def _draw_silhouettes(
     grains: Grains, settings: MeasureSettings
 ) -> Iterator["Segmentation"]:
-    """Draw the silhouettes of bodies, one view after the other.
+    """Draw the silhouettes of grains, one view after the other.
 
     The views are spread evenly over half a turn about the z axis.
 
     Parameters
     ----------
     grains : Grains
-        The bodies.
+        The grains.
     settings : MeasureSettings
         Number and scale of the views.
 
@@ -320,21 +325,23 @@ def _draw_silhouettes(
     Raises
     ------
     NoFlankError
-        If a picture has too few pixels.
+        If the picture of the pile has too few pixels to measure a flank.
     """
     from repose.measure.photographs.segmentation import MIN_SIDE_PX, segment_silhouette
 
-    scale = settings.mm_per_pixel
+    mm_per_pixel = settings.mm_per_pixel
     azimuths_deg = np.arange(settings.views) * 180.0 / settings.views
     # OpenCV fills half a pixel too much on all sides, so move the outlines inwards.
-    half_pixel_m = scale * 0.5e-3
+    half_pixel_m = mm_per_pixel * 0.5e-3
     for polygons in compute_outlines(grains, azimuths_deg, inset_m=half_pixel_m):
-        image = paint_outlines(polygons, scale, find_extent(polygons, scale))
+        extent = find_extent(polygons, mm_per_pixel)
+        image = paint_outlines(polygons, mm_per_pixel, extent)
         if min(image.shape) < MIN_SIDE_PX:
             rows, columns = image.shape
             raise NoFlankError(
-                f"the pile's picture has {columns} by {rows} pixels of {scale:g} mm "
-                f"(measure.mm_per_pixel); a flank needs {MIN_SIDE_PX} by {MIN_SIDE_PX}"
+                f"the pile's picture has {columns} by {rows} pixels of "
+                f"{mm_per_pixel:g} mm (measure.mm_per_pixel); a flank needs "
+                f"{MIN_SIDE_PX} by {MIN_SIDE_PX}"
             )
         yield segment_silhouette(
             image, PILE_TONE, BACKGROUND_TONE, settings.largest_pile_only
@@ -344,9 +351,9 @@ def _draw_silhouettes(
 def with_grain_height(
     settings: MeasureSettings, particle: ConvexBody
 ) -> MeasureSettings:
-    """Complete the settings with the height of a grain, if it is missing.
+    """Return the settings with the height of a grain, added if they lack it.
 
-    It is the particle's equivalent diameter.
+    `particle` is the shape of the grains; its equivalent diameter is the height.
     """
     return settings.with_grain_height(1e3 * equivalent_diameter(particle))
 
@@ -356,6 +363,7 @@ def equivalent_diameter(particle: ConvexBody) -> float:
 
     It is the cube root of the product of the body's extents along its three axes.
     """
+    # Add up how far the body reaches in the direction of each axis and against it.
     directions = np.concatenate([np.eye(3), -np.eye(3)])
     support = (particle.support_point(directions) * directions).sum(axis=1)
     extents = support[:3] + support[3:]

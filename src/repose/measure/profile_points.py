@@ -4,15 +4,15 @@ A profile is one side of a pile, as in `repose.measure.angles`. On a lumpy bound
 rule selects the points; `FLANK_RULES` names the rules, and a new rule is added there:
 
 levels
-    At every height the middle of the outermost and the innermost place where the
-    boundary crosses it. The heights do not scatter, so the ends of the band do not bias
-    the line.
+    At every height, the middle between the outermost and the innermost point at which
+    the boundary crosses it. The heights do not scatter, so the ends of the band do not
+    bias the line.
 rows
-    The outermost crossing only.
+    At every height, the outermost of these points only.
 columns
-    The top of every pixel column that lies in the band: the plain reading of a linear
-    fit to the boundary. Lumps cut off at the ends of the band, and the regression on a
-    scattered distance, both flatten the line.
+    The top of every pixel column that lies in the band. This is the most obvious way to
+    fit a line to the boundary. It makes the line too flat for two reasons: lumps are
+    cut off at the ends of the band, and the distances in the regression scatter.
 """
 
 import math
@@ -22,7 +22,9 @@ import numpy as np
 
 from repose.common.errors import NoFlankError
 
-MIN_LEVELS = 12  # pixel rows in the band: fewer do not determine an angle
+# Smallest number of pixel rows in a band, and of points of a line; fewer do not
+# determine an angle
+MIN_LEVELS = 12
 NO_FOOT = (
     "the pile runs out of the picture sideways, or the background is not plain: its "
     "foot is not seen"
@@ -90,7 +92,7 @@ def find_outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndar
 def find_innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """Find where a profile last rises through each of several heights.
 
-    Arguments and result are those of `find_outermost_crossing`.
+    The parameters and the result are those of `find_outermost_crossing`.
     """
     lowest_from_here = np.minimum.accumulate(profile[::-1])[::-1]
     return interpolate_crossing(
@@ -99,7 +101,7 @@ def find_innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndar
 
 
 def select_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
-    """Select by rule "levels": the middle of both crossings of each height."""
+    """Select points by the rule "levels": the middle of both crossings."""
     heights = list_levels(low, high)
     outermost = find_outermost_crossing(profile, heights)
     innermost = find_innermost_crossing(profile, heights)
@@ -107,13 +109,13 @@ def select_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
 
 
 def select_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
-    """Select by rule "rows": the outermost crossing of each height."""
+    """Select points by the rule "rows": the outermost crossings."""
     heights = list_levels(low, high)
     return Points(find_outermost_crossing(profile, heights), heights)
 
 
 def select_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
-    """Select by rule "columns": the tops of the columns inside the band."""
+    """Select points by the rule "columns": the tops of the columns."""
     columns = np.flatnonzero((profile >= low) & (profile <= high))
     return Points(columns.astype(float), profile[columns])
 
@@ -137,10 +139,16 @@ def select_points(profile: np.ndarray, low: float, high: float, rule: str) -> Po
     rule : str
         One of `FLANK_RULES`.
 
+    Returns
+    -------
+    Points
+        The points of the band.
+
     Raises
     ------
     NoFlankError
-        If the band is too low, or begins below the profile's first column.
+        If the band is too low, or if the profile already begins in or above the band,
+        so that the picture does not show the foot.
     """
     if list_levels(low, high).size < MIN_LEVELS:
         raise NoFlankError(

@@ -44,8 +44,8 @@ class Measurement:
         """List the numbers of the picture by name, rounded to 0.001.
 
         These are the angles of both sides and of the pile by the response's definition,
-        the Height, and the angle of the pile by every definition. What could not be
-        measured is None.
+        the height of the pile, and the angle of the pile by every definition. What
+        could not be measured is None.
         """
         record: dict[str, float | None] = {
             "left_deg": round(self.angle.left_deg, 3),
@@ -66,7 +66,7 @@ class PileResult:
     response: str  # the definition used as the angle of repose
     height_mm: float  # exact, from the bodies themselves
     view_height_mm: np.ndarray  # (V,), of the silhouettes
-    aor: dict  # degrees (V,) by definition, NaN if not measured
+    aor: dict  # angles of repose (V,) [degrees] by definition, NaN if not measured
     reasons: dict  # by definition: the reason in the first view without it
 
     def mean_deg(self, name: str) -> float | None:

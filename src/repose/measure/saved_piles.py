@@ -20,10 +20,10 @@ def pile_responses(
     plate_mm: float,
     extra_names: Sequence[str] = (),
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Measure the responses of a saved pile.
+    """Measure the responses of a saved pile: its angles, its height and further ones.
 
-    Angles and Height are always measured. Other responses are measured if
-    `extra_names` has their names.
+    The angles and the height are always measured. The further responses take more time,
+    and are measured only if `extra_names` lists them.
 
     Parameters
     ----------
@@ -52,13 +52,14 @@ def pile_responses(
     try:
         result = pile.measure_pile(grains, settings, arrays["in_pile"])
     except NoFlankError as error:
-        # There is no pile to measure.
+        # There is no pile to measure, so all responses are missing for the same reason.
         for name in (CALIBRATED_ANGLE, "height_mm", *MEAN_KEYS.values()):
             reasons[name] = error.reason
     else:
         responses |= result.record()
         for definition, reason in result.reasons.items():
             reasons[MEAN_KEYS[definition]] = reason
+        # The calibrated angle repeats the angle by the definition `settings.response`.
         if settings.response in result.reasons:
             reasons[CALIBRATED_ANGLE] = result.reasons[settings.response]
 

@@ -1,6 +1,8 @@
 """Read and check saved pours: their records and the final positions of their grains.
 
-NAME.pours.json holds the status of each pour of a job, NAME.npz the final positions.
+A job simulates several pours of one parameter set, each with its own seed.
+NAME.pours.json contains the status of each pour of a job, and NAME.npz the final
+positions.
 """
 
 import math
@@ -17,8 +19,9 @@ from repose.common.files import read_json, read_npz
 
 POURS_ENDING = ".pours.json"  # ending of the file, after the job's name
 REQUIRED_ARRAYS = ("position", "quaternion", "in_pile")
-N_COLUMNS = {"position": 3, "quaternion": 4}
-NUMBERS_PER_GRAIN = ("in_pile", "scale")
+# Arrays with a vector for each grain, and the number of its components
+VECTOR_SIZES = {"position": 3, "quaternion": 4}
+SCALAR_ARRAYS = ("in_pile", "scale")  # arrays with a single number for each grain
 # NumPy's letters for booleans, floats, and integers of two kinds
 NUMERIC_KINDS = "bfiu"
 EXPECTED_FILE = f"NAME{POURS_ENDING} as the subcommand pour writes it"
@@ -43,18 +46,17 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the file is not such a file, or has an impossible pour.
+        If the file is not such a file, or contains an invalid record.
     """
     job = read_json(path, what=EXPECTED_FILE)
-    # Other files of the program have no list of pours, or have another name.
+    # Check the name, too, because the path of the .npz file is derived from it.
     pours = job.get("pours")
     is_pours_file = str(path).endswith(POURS_ENDING)
     if not is_pours_file or not isinstance(pours, list) or not pours:
         raise InputError(path, key="pours", value=pours, allowed=EXPECTED_FILE)
     for pour in pours:
         _check_pour(pour, path)
-        # A record may lack a reason.
-        pour.setdefault("reason", "")
+        pour.setdefault("reason", "")  # a valid record may lack it
     seeds = [pour["seed"] for pour in pours]
     if len(set(seeds)) < len(seeds):
         raise InputError(path, key="seed", value=seeds, allowed="each seed once")
@@ -62,24 +64,27 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
 
 
 def _check_pour(pour: Any, path: str | PathLike) -> None:
-    """Raise InputError for an impossible record of a pour.
+    """Raise InputError for an invalid record of a pour.
+
+    A valid record is a mapping with a ``seed``, a ``status`` (text) and optionally a
+    ``reason`` (text). All further values are finite numbers or None.
 
     Parameters
     ----------
     pour : object
-        The record, as it was read. It should be a mapping, and may lack a reason.
+        The record, as it was read from the file.
     path : path
         The file, for messages.
     """
-    is_record = isinstance(pour, dict) and "seed" in pour
-    if not is_record or not isinstance(pour.get("status"), str):
+    has_seed = isinstance(pour, dict) and "seed" in pour
+    if not has_seed or not isinstance(pour.get("status"), str):
         raise InputError(
             path, key="pours", value=pour, allowed="records with a seed and a status"
         )
     reason = pour.get("reason", "")
     if not isinstance(reason, str):
         raise InputError(path, key="reason", value=reason, allowed="text")
-    # All other values are numbers. The seed is one, too.
+    # All other values, including the seed, must be numbers. A bool counts as a number.
     for key in pour.keys() - {"status", "reason"}:
         value = pour[key]
         is_number = isinstance(value, int | float) and math.isfinite(value)
@@ -105,7 +110,8 @@ def select_pour(
     Parameters
     ----------
     arrays : mapping
-        Arrays of a job, with the keys NAME_SEED.
+        Arrays of a job. A key consists of the array's name and the seed of the pour,
+        such as ``position_3``.
     seed : int or str
         The pour's seed.
     source : object
@@ -121,64 +127,72 @@ def select_pour(
     Raises
     ------
     InputError
-        If a needed array is missing, or the grains are impossible.
+        If a needed array is missing, or if an array has a wrong shape or invalid
+        values.
     """
-    # The names of the pour's arrays end with its seed.
-    ending = f"_{seed}"
+    # The key of each of the pour's arrays ends with its seed.
+    suffix = f"_{seed}"
     selected = {}
     for key, values in arrays.items():
-        if key.endswith(ending):
-            selected[key.removesuffix(ending)] = values
+        if key.endswith(suffix):
+            selected[key.removesuffix(suffix)] = values
     for name in required_arrays:
         if name not in selected:
             raise InputError(
                 source,
-                key=f"{name}{ending}",
+                key=f"{name}{suffix}",
                 value=None,
-                allowed="an array in the .npz file beside it",
+                allowed="an array of this name in the .npz file",
             )
+    # Without positions, the number of grains is unknown, so nothing can be checked.
     if "position" in required_arrays:
-        _check_grains(selected, source, ending)
+        _check_grains(selected, source, suffix)
     return selected
 
 
-def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
-    """Raise InputError for arrays of different numbers of grains, or impossible values.
+def _check_grains(arrays: Arrays, source: object, suffix: str) -> None:
+    """Raise InputError for an array with a wrong shape or invalid values.
+
+    All arrays must have the same number of grains as the positions.
 
     Parameters
     ----------
     arrays : mapping
-        Arrays of a pour by name. Positions may be those of one time (N, 3) or of
-        several (T, N, 3).
+        Arrays of a pour by name. Positions may be given for one time (N, 3) or for
+        several times (T, N, 3).
     source : object
         The file, for messages.
-    ending : str
-        The text after the name of an array in the file, for messages.
+    suffix : str
+        The text that follows the name of an array in its key, such as ``_3``. It is
+        needed only for messages.
     """
-    # Slice the number of grains from the shape, as a tuple (N,). It is empty if the
-    # array has too few dimensions.
+    # The slice is a tuple (N,) with the number of grains. It is empty if the array has
+    # too few dimensions, and then an error is raised below.
     grain_shape = arrays["position"].shape[-2:-1]
-    for name in (*N_COLUMNS, *NUMBERS_PER_GRAIN):
+    for name in (*VECTOR_SIZES, *SCALAR_ARRAYS):
         if name not in arrays:
             continue
         values = arrays[name]
-        key = f"{name}{ending}"
-        shape = (*grain_shape, N_COLUMNS[name]) if name in N_COLUMNS else grain_shape
+        key = f"{name}{suffix}"
+        shape = grain_shape
+        if name in VECTOR_SIZES:
+            shape = (*grain_shape, VECTOR_SIZES[name])
         is_numeric = values.dtype.kind in NUMERIC_KINDS
         # Compare only the last axes, because the first one may be that of times.
-        has_shape = grain_shape and values.shape[-len(shape) :] == shape
+        last_axes = values.shape[-len(shape) :]
+        has_shape = len(grain_shape) > 0 and last_axes == shape
         if not is_numeric or not has_shape:
             raise InputError(
                 source,
                 key=key,
                 value=f"{values.dtype} {values.shape}",
-                allowed=f"numbers {shape}, of as many grains as the other arrays",
+                allowed=f"numbers {shape}, for as many grains as in the other arrays",
             )
         _check_values(name, values, source, key)
 
 
 def _check_values(name: str, values: np.ndarray, source: object, key: str) -> None:
-    """Raise InputError for an array of grains with an impossible value.
+    """Raise InputError for an array of grains with an invalid value.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ class MeasureSettings(Section):
         return method.make_section_with_defaults(cls, "measure", keys)
 
     def contradictions(self) -> Contradictions:
-        """Refuse two ends of the flank between which there is too little for a line."""
+        """Reject ends of the flank that are too close to each other for a line."""
         start, end = self.fit_from, self.fit_to
         if start == end == ONE_GRAIN:
             yield "fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
@@ -91,7 +91,7 @@ class MeasureSettings(Section):
             yield "fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
 
     def misfits(self, axes_mm: Sequence[float]) -> Contradictions:
-        """Refuse a height of a grain that a grain of these sizes cannot have.
+        """Reject a height of a grain that a grain of these sizes cannot have.
 
         A number outside the limits is probably in another unit.
 
@@ -141,22 +141,23 @@ class MeasureSettings(Section):
 
 
 def line_of(settings: MeasureSettings, definition: str | None = None) -> str:
-    """Describe in words the line by which an angle is measured, with its settings.
+    """Describe in words the line whose slope is the angle by a definition.
 
     Parameters
     ----------
     settings : MeasureSettings
         Settings of the measurement.
     definition : str, optional
-        The definition of the angle, one of `DEFINITIONS`. The default is that of the
-        calibrated angle.
+        The definition of the angle, one of `DEFINITIONS`. The default is the definition
+        of the calibrated angle.
 
     Returns
     -------
     str
-        Such as ``flank, 20 to 80 % of the height, columns``.
+        Such as ``flank, 20 to 80 % of the height, columns``. The last word is the rule
+        of `FLANK_RULES` that selects the points of the line.
     """
-    # The flank and its steepest part lie between two heights.
+    # The key `flank` of the settings is the rule, not a definition.
     flank = f"flank, {describe_height_band(settings)}, {settings.flank}"
     match definition or settings.response:
         case "secant":
@@ -168,7 +169,7 @@ def line_of(settings: MeasureSettings, definition: str | None = None) -> str:
             return f"straightest window, at least {smallest:.2g} of the side, columns"
         case "steepest":
             return f"steepest half or more of the {flank}"
-        case _:
+        case _:  # "flank"
             return flank
 
 
@@ -191,7 +192,7 @@ def _describe_end(end: float | str) -> str:
 
 
 def describe_line_of_response(settings: MeasureSettings | None, response: str) -> str:
-    """Describe in words the line by which a response is measured.
+    """Describe in words the line whose slope is a response.
 
     Parameters
     ----------
@@ -204,13 +205,15 @@ def describe_line_of_response(settings: MeasureSettings | None, response: str) -
     -------
     str
         The text of `line_of` for an angle of repose. It is empty for any other
-        response, and if there are no settings.
+        response, such as the height of a pile, and if there are no settings.
     """
     if settings is None:
         return ""
     if response == CALIBRATED_ANGLE:
         return line_of(settings)
-    definition_of_response = {key: name for name, key in MEAN_KEYS.items()}
-    if response in definition_of_response:
-        return line_of(settings, definition_of_response[response])
+    # `MEAN_KEYS` has the response of each definition, and here the definition of a
+    # response is needed.
+    definitions_by_response = {key: name for name, key in MEAN_KEYS.items()}
+    if response in definitions_by_response:
+        return line_of(settings, definitions_by_response[response])
     return ""

@@ -1,8 +1,8 @@
-"""Draw the silhouettes of simulated bodies: outlines and pictures from the side.
+"""Draw the silhouettes of simulated grains: outlines and pictures from the side.
 
-Their outlines are filled into a picture that is measured like a photograph. Rows count
-downwards from the picture's top. The centre of a pixel has whole coordinates, as in
-OpenCV.
+The outlines are filled, so that the picture can be measured like a photograph. In a
+view, u is the distance to the right and z the height. Rows count downwards from the
+picture's top. The centre of a pixel has whole coordinates, as in OpenCV.
 """
 
 import math
@@ -16,9 +16,10 @@ from repose.common.errors import InputError
 from repose.dem.rotations import rotation_matrices
 from repose.measure.saved_pours import Arrays
 
-# Vertices of a grain's outline: the polygon lies at most 0.03 mm inside the smooth one.
+# Number of vertices of a grain's outline, an even number. With it, the polygon lies at
+# most 0.03 mm inside the smooth outline.
 OUTLINE_DIRECTIONS = 64
-# OpenCV takes coordinates in units of 1/256 of a pixel.
+# OpenCV takes coordinates as whole numbers, here in units of 1/2^8 of a pixel.
 SUBPIXEL_BITS = 8
 MARGIN_PX = 8
 # Dark grains before a white background, as in a photograph.
@@ -59,12 +60,12 @@ class SolidBody(ConvexBody, Protocol):
 
 @dataclass
 class Grains:
-    """Position, orientation and size of N bodies of one shape."""
+    """Position, orientation and size of N grains of one shape."""
 
     centres_m: np.ndarray  # (N, 3)
     quaternions: np.ndarray  # (N, 4): w, x, y, z
-    particle: ConvexBody
-    scales: Any = 1.0  # ndarray (N,), sizes over the particle's, or one for all
+    particle: ConvexBody  # the shape, in the size of a grain with the scale 1
+    scales: Any = 1.0  # ndarray (N,), sizes relative to the particle, or one for all
 
     def __post_init__(self) -> None:
         self.centres_m = np.asarray(self.centres_m, float)
@@ -110,16 +111,17 @@ class Grains:
 def compute_outlines(
     grains: Grains, azimuths_deg: ArrayLike, inset_m: float = 0.0
 ) -> np.ndarray:
-    """Compute the outlines of bodies in orthographic side views, as polygons.
+    """Compute the outlines of grains in orthographic side views, as polygons.
 
-    The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex
-    body's outline is the curve of its support points in the directions of the picture
-    plane, so each vertex is exact.
+    The view from azimuth a shows u = x cos a + y sin a to the right and z up. A support
+    point of a body is the point at which a plane of a given direction touches it. The
+    outline of a convex body consists of its support points for all directions in the
+    plane of the picture, so each vertex of the polygon is exact.
 
     Parameters
     ----------
     grains : Grains
-        The bodies.
+        N grains.
     azimuths_deg : array_like
         Azimuth of each view (V,).
     inset_m : float
@@ -128,8 +130,8 @@ def compute_outlines(
     Returns
     -------
     ndarray
-        Polygons (V, N, OUTLINE_DIRECTIONS, 2), u and z in m. A body of M spheres has M
-        polygons.
+        Polygons (V, N, OUTLINE_DIRECTIONS, 2), u and z in m. If a grain consists of M
+        spheres, each sphere has a polygon, and there are N * M polygons in a view.
     """
     # In each view, a direction (3,) of the world points to the right.
     azimuths = np.radians(np.asarray(azimuths_deg, dtype=float))
@@ -146,12 +148,13 @@ def compute_outlines(
 
     rotations = rotation_matrices(grains.quaternions)
     polygons = np.empty((len(rights), len(rotations), *circle.shape))
-    for polygon, right in zip(polygons, rights, strict=True):
-        polygon[:] = _compute_convex_outlines(grains, rotations, right, circle)
-        polygon -= inset_m * circle
-        # Move the outlines to the centres of their bodies.
-        polygon[..., 0] += (grains.centres_m @ right)[:, None]
-        polygon[..., 1] += grains.centres_m[:, 2, None]
+    for view, right in enumerate(rights):
+        outlines = _compute_convex_outlines(grains, rotations, right, circle)
+        outlines -= inset_m * circle
+        # Move the outlines to the centres of their grains.
+        outlines[..., 0] += (grains.centres_m @ right)[:, None]
+        outlines[..., 1] += grains.centres_m[:, 2, None]
+        polygons[view] = outlines
     return polygons
 
 
@@ -185,53 +188,65 @@ def _compute_sphere_outlines(
 def _compute_convex_outlines(
     grains: Grains, rotations: np.ndarray, right: np.ndarray, circle: np.ndarray
 ) -> np.ndarray:
-    """Compute the outlines of N convex bodies about their centres in one view.
+    """Compute the outlines of N convex grains about their centres in one view.
 
-    The bodies are symmetric about their centres. The second half of an outline is
+    The grains are symmetric about their centres. The second half of an outline is
     therefore the first half, turned by 180 degrees.
 
     Parameters
     ----------
     grains : Grains
-        The bodies.
+        The grains.
     rotations : ndarray
-        Rotation matrices (N, 3, 3) from the bodies' frames to the world's.
+        Rotation matrices (N, 3, 3) from the grains' frames to the world's.
     right : ndarray
-        Direction (3,) of the world that points to the right in the picture.
+        Direction (3,) of the world that points to the right in the picture. The z axis
+        of the world points up in it.
     circle : ndarray
-        Directions (K, 2) in the picture in which the outline is computed.
+        Directions (K, 2) in the picture in which the outline is computed, to the right
+        and up. They must be spread evenly over a full turn, with K equal to
+        `OUTLINE_DIRECTIONS`.
 
     Returns
     -------
     ndarray
         Polygons (N, K, 2), to the right and up in m.
     """
-    # Turn the axes of the picture into the frame of each body.
+    # Express the axes of the picture in the frame of each grain, by the transposes of
+    # the rotation matrices. For the z axis, this is the third row of each matrix.
     body_right = np.einsum("nij,i->nj", rotations, right)
     body_up = rotations[:, 2, :]
-    # A point of the outline is where a plane touches the body that is perpendicular to
-    # a direction in the picture.
+    # For each direction in the picture, take the plane perpendicular to it that touches
+    # the grain. The point at which it touches is a point of the outline.
     half_circle = circle[: OUTLINE_DIRECTIONS // 2]
     cos, sin = np.split(half_circle, 2, axis=1)
     normals = cos * body_right[:, None, :] + sin * body_up[:, None, :]
     points = grains.support_points(normals)
+    # Project the points to the axes of the picture.
     picture_axes = np.stack([body_right, body_up], axis=-1)
     half_outline = grains.scales[:, None, None] * (points @ picture_axes)
     return np.concatenate([half_outline, -half_outline], axis=1)
 
 
 def place_spheres(grains: Grains) -> np.ndarray | None:
-    """Compute where the M spheres of each of N bodies lie in the world.
+    """Compute the positions and radii of all spheres of which grains consist.
+
+    Parameters
+    ----------
+    grains : Grains
+        N grains. Only some shapes consist of spheres; they have an attribute
+        `spheres_m` (M, 4), see `ConvexBody`.
 
     Returns
     -------
     ndarray or None
-        Centres and radii (N * M, 4) in m. None if the bodies do not consist of spheres.
+        Centres and radii (N * M, 4) in m; the spheres of a grain follow each other.
+        None if the grains do not consist of spheres.
     """
     spheres: Any = getattr(grains.particle, "spheres_m", ())
     if len(spheres) == 0:
         return None
-    # Turn the spheres with their body, scale them, and move them to its centre.
+    # Turn the spheres with their grain, scale them, and move them to its centre.
     scales = grains.scales[:, None]
     rotations = rotation_matrices(grains.quaternions)
     offsets = np.einsum("nij,mj->nmi", rotations, spheres[:, :3])
@@ -241,9 +256,9 @@ def place_spheres(grains: Grains) -> np.ndarray | None:
 
 
 def find_top(grains: Grains) -> float:
-    """Compute the height in m of the highest point of bodies over z = 0.
+    """Compute the height in m of the highest point of grains over z = 0.
 
-    It is exact, because it comes from the bodies and not from a picture.
+    It is exact, because it is computed from the grains and not from a picture.
     """
     # The third row of a rotation matrix is the world's z axis in the body's frame. The
     # highest point of a body is where a level plane touches it from above.
@@ -256,16 +271,17 @@ def find_top(grains: Grains) -> float:
 def paint_outlines(
     polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent
 ) -> np.ndarray:
-    """Paint the outlines of the bodies in one view into a picture, dark on light.
+    """Fill the outlines of the grains in one view with a dark tone, on a light picture.
 
     OpenCV fills every pixel that an outline touches, which is half a pixel too much on
-    all sides. The outlines must therefore lie half a pixel inside the body. A filled
-    disc then has its true area and extents to 0.03 pixel (tested).
+    all sides. The caller must therefore move the outlines inwards by half a pixel (the
+    parameter `inset_m` of `compute_outlines`). A filled disc then has its true area and
+    extents to 0.03 pixel (tested).
 
     Parameters
     ----------
     polygons_m : ndarray
-        Outlines (N, K, 2) of the bodies, u and z.
+        Outlines (N, K, 2) of the grains, u and z. They must be convex.
     mm_per_pixel : float
         Scale of the picture.
     extent : Extent
@@ -297,8 +313,8 @@ def paint_outlines(
                 "measure.mm_per_pixel needs fewer"
             ),
         )
-    # Convert the outlines to columns and rows, counted from the middle of the first
-    # pixel.
+    # Convert the outlines to columns and rows. The upper left corner of the picture has
+    # the column -1/2 and the row -1/2, because the centre of the first pixel is (0, 0).
     pixels = np.empty_like(polygons_m)
     pixels[..., 0] = (polygons_m[..., 0] - left_m) / pixel_m - 0.5
     pixels[..., 1] = height - polygons_m[..., 1] / pixel_m - 0.5
@@ -312,12 +328,12 @@ def paint_outlines(
 
 
 def find_extent(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
-    """Compute the part of a side view that holds all outlines and a margin.
+    """Compute the part of a side view that contains all outlines and a margin.
 
     Parameters
     ----------
     polygons_m : ndarray
-        Outlines (N, K, 2) of the bodies, u and z.
+        Outlines (N, K, 2) of the grains, u and z.
     mm_per_pixel : float
         Scale of the picture; the margin is `MARGIN_PX` pixels wide.
     """
@@ -333,18 +349,18 @@ def draw_silhouette(
     mm_per_pixel: float = 0.25,
     extent: Extent | None = None,
 ) -> np.ndarray:
-    """Draw the exact orthographic side view of bodies on the plate z = 0.
+    """Draw the exact orthographic side view of grains on the plate z = 0.
 
     Parameters
     ----------
     grains : Grains
-        The bodies.
+        The grains.
     azimuth_deg : float
         Direction of the view about the z axis, as in `compute_outlines`.
     mm_per_pixel : float
         Scale of the picture.
     extent : Extent, optional
-        Part of the view that is drawn; the default holds all bodies.
+        Part of the view that is drawn; the default contains all grains.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""Read files of VTK, as simulators write them for ParaView: points with values.
+"""Read VTK files, as simulators write them for ParaView: points with values.
 
-pyvista reads them, which comes with the extra `vtk`. LIGGGHTS writes them by ``dump
-custom/vtk``, Yade by ``VTKRecorder`` and ``export.VTKExporter``.
+The package pyvista, which the extra `vtk` installs, reads them. LIGGGHTS writes them by
+``dump custom/vtk``, Yade by ``VTKRecorder`` and ``export.VTKExporter``.
 """
 
 import re
@@ -12,12 +12,12 @@ import pandas as pd
 
 from repose.common.errors import InputError
 
-LEGACY_START = b"# vtk DataFile"
-# The root of a file in XML; its type is the kind of data.
+LEGACY_START = b"# vtk DataFile"  # begins a file in the old format, which is not XML
+# The root element of an XML file; its attribute `type` is the type of the data.
 XML_ROOT = re.compile(rb"<VTKFile\s[^>]*?\btype=\"(\w+)\"")
-# Kinds of data that hold particles, with the ending by which pyvista knows them.
-ENDING_OF_KIND = {"UnstructuredGrid": ".vtu", "PolyData": ".vtp"}
-START_BYTES = 4096
+# Types of data that may contain particles, with the file extension that pyvista expects
+EXTENSION_BY_TYPE = {"UnstructuredGrid": ".vtu", "PolyData": ".vtp"}
+START_BYTES = 4096  # number of bytes from which the format of a file is recognised
 INSTALL_COMMAND = "pip install 'repose-dem[vtk]'"
 
 
@@ -27,7 +27,12 @@ def is_vtk(start: bytes) -> bool:
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Read the points of a file as a table.
+    """Read the points of a VTK file as a table.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for whose first bytes `is_vtk` returns True.
 
     Returns
     -------
@@ -40,7 +45,7 @@ def read_table(path: Path) -> pd.DataFrame:
     InputError
         If pyvista is not installed, or cannot read the file.
     """
-    ending = _find_ending(path)
+    extension = _find_extension(path)
     try:
         import pyvista
     except ModuleNotFoundError as error:
@@ -49,42 +54,46 @@ def read_table(path: Path) -> pd.DataFrame:
             key="file",
             value="VTK",
             allowed=(
-                f"pyvista, which reads it: {INSTALL_COMMAND}; or a dump, CSV or Yade's text"
+                f"pyvista, which reads it: {INSTALL_COMMAND}; or a LAMMPS or LIGGGHTS "
+                "dump, a CSV file or a Yade text file"
             ),
         ) from error
     # Tell pyvista the format, because LIGGGHTS also writes XML into files named .vtk.
     try:
-        grid = pyvista.get_reader(path, force_ext=ending).read()
+        grid = pyvista.get_reader(path, force_ext=extension).read()
         columns = dict(zip("xyz", np.asarray(grid.points, dtype=float).T, strict=True))
         for name, values in grid.point_data.items():
             if values.ndim == 1:
                 columns[name] = np.asarray(values)
+    # A damaged file causes any of these errors. For example, the result of a reader
+    # lacks the attribute `points` if the file has none.
     except (AttributeError, RuntimeError, TypeError, ValueError) as error:
-        fault = str(error).partition("\n")[0]
+        first_line = str(error).partition("\n")[0]
         raise InputError(
-            path, key="file", value=fault, allowed="a file of VTK with points"
+            path, key="file", value=first_line, allowed="a VTK file with points"
         ) from error
     return pd.DataFrame(columns)
 
 
-def _find_ending(path: Path) -> str:
-    """Find the ending that pyvista expects for the format of a file.
+def _find_extension(path: Path) -> str:
+    """Find the file extension that pyvista expects for the format of a VTK file.
 
-    The content of the file tells the format, because its name may have another ending.
-    Raises InputError for a kind of data that cannot contain particles.
+    The format is recognised by the content of the file, because the extension in its
+    name may be wrong. `is_vtk` must be True for the file. Raises InputError for a type
+    of data that cannot contain particles.
     """
     with path.open("rb") as file:
         start = file.read(START_BYTES)
     if start.startswith(LEGACY_START):
         return ".vtk"
-    kind = XML_ROOT.search(start)
-    assert kind is not None
-    name = kind[1].decode()
-    if name not in ENDING_OF_KIND:
+    xml_root = XML_ROOT.search(start)
+    assert xml_root is not None  # true for all other files that `is_vtk` accepts
+    data_type = xml_root[1].decode()
+    if data_type not in EXTENSION_BY_TYPE:
         raise InputError(
             path,
             key="VTKFile type",
-            value=name,
-            allowed=f"one of {', '.join(ENDING_OF_KIND)}",
+            value=data_type,
+            allowed=f"one of {', '.join(EXTENSION_BY_TYPE)}",
         )
-    return ENDING_OF_KIND[name]
+    return EXTENSION_BY_TYPE[data_type]

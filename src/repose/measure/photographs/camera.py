@@ -1,9 +1,11 @@
-"""Calibrate the camera of a photograph with the sheet, and draw the upright side view.
+"""Calibrate the camera of a photograph with the sheet, and compute the upright view.
 
 Coordinates of the world are in mm: x to the right along the sheet, y away from the
 camera, z up. The origin is the sheet's lower left corner, and z = 0 is the plate. The
 side view lies in the vertical plane through the pile's axis that faces the camera, so
-the sheet need not face the camera exactly.
+the sheet need not face the camera exactly. The matrix of a camera has its focal length
+and the middle of the picture in pixels. The coefficients k1 and k2 describe the radial
+distortion by the lens.
 """
 
 import math
@@ -22,7 +24,10 @@ NO_DISTORTION = "lens not corrected: the sheet is seen in too few places"
 NO_FOCAL_LENGTH = (
     "lens not corrected, focal length {origin}: the sheet is seen in too few places"
 )
-# Origin of the focal length if neither the corners nor the camera determine it
+# Origins of the focal length for this note: it fits the corners, but is not determined
+# by them; the camera states it; it is that of a phone
+UNCERTAIN_FOCAL_ORIGIN = "uncertain"
+STATED_FOCAL_ORIGIN = "as the camera states it"
 PHONE_FOCAL_ORIGIN = (
     "assumed (with a zoom from 5 m the angle reads 0.3 degrees too steep)"
 )
@@ -32,16 +37,20 @@ PHONE_FOCAL = 0.75  # the main camera of most phones
 CALIBRATED_FOCALS = (0.3, 10)  # plausible results of a calibration
 TRIAL_FOCALS = np.geomspace(0.5, 16.0, 41)
 
-# OpenCV's flags for fits of two coefficients of distortion, of one, and of none
+# OpenCV's flags for the coefficients of distortion that stay 0, in fits of two
+# coefficients, of one, and of none
 FIXED_COEFFICIENTS = (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2)
 
 # Limits of a calibration that is used
-LARGEST_LENS_ERROR = 0.004  # share by which a point at half the longer side moves
+# Largest relative change of a point's distance from the centre by the error of a
+# coefficient of distortion, if this distance is half the longer side
+LARGEST_LENS_ERROR = 0.004
 LARGEST_FOCAL_ERROR = 0.05  # relative standard error of the focal length
-LARGEST_FOCAL_CHANGE = (
-    1.6  # factor between the focal length with and without distortion
-)
-SINGULAR_FIT = 1e-6  # a smaller relative error of the focal length means a singular fit
+# Factor between the focal lengths with and without distortion
+LARGEST_FOCAL_CHANGE = 1.6
+# OpenCV reports an error of nearly 0 if a fit is singular. The relative error of the
+# focal length must be larger than this.
+MIN_FOCAL_ERROR = 1e-6
 # An assumed focal length is kept if it lies within this number of standard errors of
 # the best one.
 KEPT_STANDARD_ERRORS = 3
@@ -61,6 +70,8 @@ STRIP_BELOW_PLATE_MM = 3.0  # height of the strip below the plate in a side view
 POINTS_PER_BORDER = 9  # on each border of a photograph, to find what it shows
 # Width of a strip around the sheet that also counts as hidden, in widths of the sheet
 SHEET_MARGIN_FRACTION = 0.02
+# Width of this strip below the sheet, over its width on the other sides
+LOWER_MARGIN_FACTOR = 2
 # OpenCV solves for a sheet in the plane of its first two axes: (x, y, z) of the world
 # is (x, z, -y) there.
 WORLD_TO_SHEET = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -87,7 +98,11 @@ class SideView:
 
 
 class Extent(NamedTuple):
-    """Borders of a side view in mm, from the axis and from the plate."""
+    """Borders of a side view in mm, from the axis and from the plate.
+
+    There is no lower border, because each view ends `STRIP_BELOW_PLATE_MM` below the
+    plate.
+    """
 
     left: float
     right: float
@@ -113,7 +128,7 @@ class Plane(NamedTuple):
         Returns
         -------
         ndarray
-            The points of the world in mm.
+            The points of the world in mm, a row of the grid for each height.
         """
         vertical = np.array([0, 0, 1.0])
         return (
@@ -167,33 +182,39 @@ def calibrate_camera(
     longer_side = max(size)
     assumed_focal = PHONE_FOCAL * longer_side if focal_px is None else focal_px
     focal = _estimate_focal(views, assumed_focal, size)
-    guess = _make_camera_matrix(focal, size)
+    initial_matrix = _make_camera_matrix(focal, size)
     # Fit two coefficients of distortion, then one, then none, until the fit is
     # reliable.
-    for fixed_flags in FIXED_COEFFICIENTS:
-        fit = _fit_lens(views, size, guess, fixed_flags)
+    for fixed_coefficients in FIXED_COEFFICIENTS:
+        fit = _fit_lens(views, size, initial_matrix, fixed_coefficients)
         if fit is not None and _is_reliable(fit, focal, longer_side):
-            has_distortion = not fixed_flags & cv2.CALIB_FIX_K1
-            note = "" if has_distortion else NO_DISTORTION
+            # If k1 stays 0, so does k2.
+            is_k1_fixed = bool(fixed_coefficients & cv2.CALIB_FIX_K1)
+            note = NO_DISTORTION if is_k1_fixed else ""
             return Camera(fit.matrix, fit.distortion, note)
 
-    # No fit is reliable. Keep the guess, and note where its focal length comes from.
+    # No fit is reliable. Keep the initial matrix, and note where its focal length comes
+    # from. `_estimate_focal` returns the assumed value itself if it accepts it.
     if focal != assumed_focal:
-        origin = "uncertain"
+        origin = UNCERTAIN_FOCAL_ORIGIN
     elif focal_px is not None:
-        origin = "as the camera states it"
+        origin = STATED_FOCAL_ORIGIN
     else:
         origin = PHONE_FOCAL_ORIGIN
-    return Camera(guess, np.zeros(5), NO_FOCAL_LENGTH.format(origin=origin))
+    return Camera(initial_matrix, np.zeros(5), NO_FOCAL_LENGTH.format(origin=origin))
 
 
 def _fit_lens(
     views: Sequence[SheetCorners],
     size: tuple[int, int],
-    guess: np.ndarray,
-    fixed_flags: int,
+    initial_matrix: np.ndarray,
+    fixed_coefficients: int,
 ) -> _LensFit | None:
-    """Fit the focal length and some coefficients of distortion to views of the sheet.
+    """Fit the focal length and the radial distortion of a lens to views of the sheet.
+
+    OpenCV moves a point at the distance r from the centre, in focal lengths, to the
+    distance r (1 + k1 r² + k2 r⁴). The coefficients k1 and k2 are fitted, unless they
+    are fixed.
 
     Parameters
     ----------
@@ -201,10 +222,10 @@ def _fit_lens(
         The sheet in each photograph.
     size : tuple of int
         Width and height of the photographs in pixels.
-    guess : ndarray
+    initial_matrix : ndarray
         Camera matrix (3, 3) from which the fit begins.
-    fixed_flags : int
-        OpenCV's flags for the coefficients that stay 0.
+    fixed_coefficients : int
+        OpenCV's flags for the coefficients that stay 0, one of `FIXED_COEFFICIENTS`.
 
     Returns
     -------
@@ -215,25 +236,30 @@ def _fit_lens(
     image_points = [view.pixels.astype(np.float32) for view in views]
     flags = (
         cv2.CALIB_USE_INTRINSIC_GUESS
-        | cv2.CALIB_FIX_PRINCIPAL_POINT
-        | cv2.CALIB_FIX_ASPECT_RATIO
-        | cv2.CALIB_ZERO_TANGENT_DIST
-        | cv2.CALIB_FIX_K3
-        | fixed_flags
+        | cv2.CALIB_FIX_PRINCIPAL_POINT  # the lens is centred on the picture
+        | cv2.CALIB_FIX_ASPECT_RATIO  # pixels are square
+        | cv2.CALIB_ZERO_TANGENT_DIST  # the distortion is radial
+        | cv2.CALIB_FIX_K3  # the distortion has no third coefficient
+        | fixed_coefficients
     )
     try:
         _, matrix, distortion, _, _, errors, *_ = cv2.calibrateCameraExtended(
-            object_points, image_points, size, guess.copy(), np.zeros(5), flags=flags
+            object_points,
+            image_points,
+            size,
+            initial_matrix.copy(),  # OpenCV overwrites it
+            np.zeros(5),
+            flags=flags,
         )
     except cv2.error:
         return None
     # OpenCV lists the errors of both focal lengths, of both coordinates of the centre,
     # of k1, of k2, and of coefficients that are fixed here.
-    focal_x, focal_y, _, _, k1_error, k2_error, *_ = errors.ravel()
+    focal_x_error, focal_y_error, _, _, k1_error, k2_error, *_ = errors.ravel()
     return _LensFit(
         matrix=matrix,
         distortion=distortion.ravel()[:5],
-        focal_error=float(np.maximum(focal_x, focal_y)),
+        focal_error=float(np.maximum(focal_x_error, focal_y_error)),
         k1_error=float(k1_error),
         k2_error=float(k2_error),
     )
@@ -263,23 +289,24 @@ def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> b
     """
     focal = fit.matrix[0, 0]
     change = focal / undistorted_focal
-    is_regular = (
-        fit.focal_error > SINGULAR_FIT * focal
+    is_not_singular = (
+        fit.focal_error > MIN_FOCAL_ERROR * focal
         and 1 / LARGEST_FOCAL_CHANGE < change < LARGEST_FOCAL_CHANGE
     )
+    # The limits are in units of the longer side.
     shortest, longest = CALIBRATED_FOCALS
-    has_focal = (
+    is_focal_certain = (
         fit.focal_error < LARGEST_FOCAL_ERROR * focal
         and shortest < focal / longer_side < longest
     )
     # Take a point whose distance from the centre is half the longer side, and express
     # this distance in focal lengths.
     distance = 0.5 * longer_side / focal
-    has_distortion = (
+    is_distortion_certain = (
         fit.k1_error * distance**2 < LARGEST_LENS_ERROR
         and fit.k2_error * distance**4 < LARGEST_LENS_ERROR
     )
-    return bool(is_regular and has_focal and has_distortion)
+    return bool(is_not_singular and is_focal_certain and is_distortion_certain)
 
 
 def _estimate_focal(
@@ -295,15 +322,17 @@ def _estimate_focal(
     views : sequence of SheetCorners
         The sheet in each photograph.
     assumed : float
-        The assumed focal length [px], which is the last of the trial values.
+        The assumed focal length [px].
     size : tuple of int
         Width and height of the photographs in pixels.
 
     Returns
     -------
     float
-        The focal length [px].
+        The focal length [px]. It is exactly `assumed` if this value is chosen, so that
+        a caller can compare both.
     """
+    # The assumed value is the last one to be tried.
     trials = np.append(max(size) * TRIAL_FOCALS, assumed)
     residuals = np.array(
         [
@@ -317,7 +346,7 @@ def _estimate_focal(
     n_values = 2 * sum(len(view.pixels) for view in views)
     n_unknowns = 6 * len(views) + 1  # a pose for each view, and the focal length
     variance = best_residual / (n_values - n_unknowns)
-    # At a distance of n standard errors from the best value, the sum of squared
+    # If a value lies n standard errors from the best value, its sum of squared
     # residuals is larger by n² variances.
     if assumed_residual - best_residual < KEPT_STANDARD_ERRORS**2 * variance:
         return float(assumed)
@@ -335,7 +364,9 @@ def _make_camera_matrix(focal: float, size: tuple[int, int]) -> np.ndarray:
 
 
 def _sum_squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) -> float:
-    """Sum the squared distances [px2] of the corners from those of a flat sheet.
+    """Sum the squared distances [px²] between the corners seen and those of a model.
+
+    The model is a flat sheet in the pose that fits each view best.
 
     Parameters
     ----------
@@ -383,8 +414,8 @@ def _find_poses(
     Returns
     -------
     list of tuple
-        The poses, the better one first. Each consists of a rotation vector (3, 1) and a
-        translation (3, 1) in mm.
+        The poses, at least one, the better one first. Each consists of a rotation
+        vector (3, 1) and a translation (3, 1) in mm.
     """
     points = view.object_points_mm
     _, rotations, translations, _ = cv2.solvePnPGeneric(
@@ -419,14 +450,23 @@ class Pose:
     def __init__(
         self, camera: Camera, sheet: SheetCorners, size: tuple[int, int]
     ) -> None:
-        """Find the pose that best fits the corners of the sheet; see the class."""
+        """Find the pose that best fits the corners of the sheet.
+
+        The docstring of the class describes the parameters.
+        """
         self.camera = camera
         self.size = size
         self.paper_mm = compute_size_mm(sheet.square_mm)
-        rotation, translation = _find_poses(sheet, camera.matrix, camera.distortion)[0]
-        self.rotation = cv2.Rodrigues(rotation)[0] @ WORLD_TO_SHEET
+        # The first of the poses fits best.
+        poses = _find_poses(sheet, camera.matrix, camera.distortion)
+        rotation_vector, translation = poses[0]
+        # OpenCV's pose converts coordinates on the sheet to the frame of the camera.
+        # Together with `WORLD_TO_SHEET`, the matrix converts those of the world.
+        sheet_to_camera, _ = cv2.Rodrigues(rotation_vector)
+        self.rotation = sheet_to_camera @ WORLD_TO_SHEET
         self.translation = translation
         self.position_mm = (-self.rotation.T @ translation).ravel()
+        # This check projects the corners, so it needs all attributes.
         self._require_flat(sheet)
 
     def _require_flat(self, sheet: SheetCorners) -> None:
@@ -441,12 +481,15 @@ class Pose:
                 "flat one: the sheet is bent, or the photograph is not sharp"
             )
 
-    def project(self, world: np.ndarray) -> np.ndarray:
+    def project(self, world_points: np.ndarray) -> np.ndarray:
         """Compute where points of the world lie in the photograph.
+
+        The lens may have radial distortion with the coefficients k1 and k2. All other
+        coefficients of OpenCV's model are 0, see `Camera`.
 
         Parameters
         ----------
-        world : ndarray
+        world_points : ndarray
             Coordinates (..., 3) of the points in mm.
 
         Returns
@@ -455,14 +498,17 @@ class Pose:
             Columns and rows (..., 2) in pixels.
         """
         # Coordinates in the frame of the camera, which looks along z
-        points = world @ self.rotation.T + self.translation.ravel()
+        points = world_points @ self.rotation.T + self.translation.ravel()
         x = points[..., 0] / points[..., 2]
         y = points[..., 1] / points[..., 2]
 
-        # The lens moves a point towards the centre of the picture or away from it.
+        # Radial distortion moves a point towards the centre of the picture or away from
+        # it, by a factor that depends on its distance r from the centre.
         k1, k2 = self.camera.distortion[:2]
-        squared_distance = x * x + y * y
-        distortion = 1 + k1 * squared_distance + k2 * squared_distance**2
+        squared_r = x * x + y * y
+        distortion = 1 + k1 * squared_r + k2 * squared_r**2
+        # The camera matrix has the focal length on its diagonal, and the middle of the
+        # picture in its last column.
         matrix = self.camera.matrix
         column = matrix[0, 0] * x * distortion + matrix[0, 2]
         row = matrix[1, 1] * y * distortion + matrix[1, 2]
@@ -510,14 +556,17 @@ class Pose:
         return max(abs(roll), abs(pitch))
 
 
-def draw_side_view(
+def rectify_photograph(
     image: np.ndarray,
     pose: Pose,
     axis_mm: float | None,
     longest_side_px: int,
     crop: Extent | None = None,
 ) -> SideView:
-    """Draw the upright view of the plane through the pile's axis.
+    """Rectify a photograph: compute the upright view of a vertical plane, to scale.
+
+    The plane goes through the pile's axis and faces the camera. For the first view of a
+    photograph, the axis is not known, and the plane is that of the sheet.
 
     Parameters
     ----------
@@ -527,11 +576,13 @@ def draw_side_view(
         The camera's pose.
     axis_mm : float or None
         Distance of the axis from the sheet's lower left corner. With None, the view
-        lies in the plane of the sheet, and this corner takes the place of the axis.
+        lies in the plane of the sheet, and distances that are otherwise counted from
+        the axis are counted from this corner.
     longest_side_px : int
         Largest number of pixels of a side.
     crop : Extent, optional
-        The part that is drawn. By default, it is all that the photograph shows.
+        The part of the plane that is drawn, as far as the photograph shows it. By
+        default, it is all that the photograph shows.
 
     Returns
     -------
@@ -565,27 +616,29 @@ def draw_side_view(
     )
     n_columns = math.ceil(width_mm / mm_per_pixel)
     n_rows = math.ceil(height_mm / mm_per_pixel)
+    # The last row has the number n_rows - 1, and shows the lower end of the strip.
     base_row = n_rows - 1 - STRIP_BELOW_PLATE_MM / mm_per_pixel
 
     # Find where the photograph shows each pixel of the view, and take the colour there.
-    along = extent.left + mm_per_pixel * np.arange(n_columns)
-    up = mm_per_pixel * (base_row - np.arange(n_rows))
-    pixels = pose.project(plane.compute_points(along, up)).astype(np.float32)
+    along_mm = extent.left + mm_per_pixel * np.arange(n_columns)
+    up_mm = mm_per_pixel * (base_row - np.arange(n_rows))
+    pixels = pose.project(plane.compute_points(along_mm, up_mm)).astype(np.float32)
     view = _take_colours(image, pixels, reduction=mm_per_pixel * pixels_per_mm)
 
-    # Mark the pixels outside the photograph, and those that the sheet hides.
-    sheet_mm = _find_outline_of_sheet(pose, plane)
+    # Mark the pixels outside the photograph, and those that the sheet hides. Convert
+    # the corners of the sheet to columns and rows, and fill the polygon.
+    sheet_mm = _find_part_hidden_by_sheet(pose, plane)
     sheet_px = np.column_stack(
         [
             (sheet_mm[:, 0] - extent.left) / mm_per_pixel,
             base_row - sheet_mm[:, 1] / mm_per_pixel,
         ]
     )
-    is_sheet = np.zeros((n_rows, n_columns), np.uint8)
-    cv2.fillPoly(is_sheet, [np.rint(sheet_px).astype(np.int32)], 1)
+    sheet_mask = np.zeros((n_rows, n_columns), np.uint8)
+    cv2.fillPoly(sheet_mask, [np.rint(sheet_px).astype(np.int32)], 1)
     return SideView(
         image=view,
-        hidden=_mark_outside(pixels, pose.size) | (is_sheet > 0),
+        hidden=_mark_outside(pixels, pose.size) | (sheet_mask > 0),
         mm_per_pixel=mm_per_pixel,
         base_row=base_row,
         left_mm=extent.left,
@@ -663,8 +716,10 @@ def _mark_outside(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     )
 
 
-def _find_outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
-    """Find the part of a plane that the sheet, with a margin, hides from the camera.
+def _find_part_hidden_by_sheet(pose: Pose, plane: Plane) -> np.ndarray:
+    """Find the part of a plane that the sheet and a strip around it hide.
+
+    The sheet stands at y = 0, and the camera sees it in front of the plane.
 
     Parameters
     ----------
@@ -682,12 +737,12 @@ def _find_outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
     margin = SHEET_MARGIN_FRACTION * width
     left = -margin
     right = width + margin
-    bottom = -2 * margin
+    bottom = -LOWER_MARGIN_FACTOR * margin
     top = height + margin
     corners = np.array(
         [[left, 0, bottom], [right, 0, bottom], [right, 0, top], [left, 0, top]]
     )
-    # Rays from the camera through the corners of the sheet
+    # Follow the rays from the camera through these corners to the plane.
     rays = corners - pose.position_mm
     _, points = _intersect(pose.position_mm, rays, plane)
     return points
@@ -711,24 +766,27 @@ def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:
     Raises
     ------
     NoFlankError
-        If a part of the photograph does not show the plane, or if the photograph does
-        not show the plane above the plate.
+        If the camera looks past the plane at a border of the photograph, or if
+        everything that the photograph shows of the plane lies below the plate.
     """
     # Choose points on the border of the photograph, as fractions of its width and
     # height.
-    shares = np.linspace(0, 1, POINTS_PER_BORDER)
+    fractions = np.linspace(0, 1, POINTS_PER_BORDER)
     border = []
-    for x_fraction in shares:
-        for y_fraction in shares:
+    for x_fraction in fractions:
+        for y_fraction in fractions:
             if x_fraction in (0, 1) or y_fraction in (0, 1):
                 border.append((x_fraction, y_fraction))
     pixels = np.array(border) * np.subtract(pose.size, 1)
 
-    # Find the rays through these points: first in the frame of the camera, which looks
-    # along z, and then in that of the world.
+    # Find the rays through these points in the frame of the camera, which looks along
+    # z. OpenCV expects and returns arrays (N, 1, 2).
     camera = pose.camera
     rays = cv2.undistortPoints(pixels[:, None], camera.matrix, camera.distortion)[:, 0]
-    directions = np.column_stack([rays, np.ones(len(rays))]) @ pose.rotation
+    camera_directions = np.column_stack([rays, np.ones(len(rays))])
+    # The matrix `rotation` converts vectors of the world to this frame. A product from
+    # the right is one with its transpose, which converts them back.
+    directions = camera_directions @ pose.rotation
 
     # The rays meet the plane at the border of the visible part.
     distances, points = _intersect(pose.position_mm, directions, plane)
@@ -762,10 +820,12 @@ def _intersect(
     distances : ndarray
         Distance (N,) of each intersection from the camera, as a multiple of the ray's
         direction vector. It is negative behind the camera.
-    places : ndarray
-        Position (N, 2) of each intersection on the plane, along and up in mm.
+    positions : ndarray
+        Position (N, 2) of each intersection on the plane in mm: distance from its
+        origin to the right, and height over the plate.
     """
     normal = np.cross(plane.right, [0, 0, 1.0])
     distances = (plane.origin - position) @ normal / (directions @ normal)
-    points = position + distances[:, None] * directions - plane.origin
-    return distances, np.column_stack([points @ plane.right, points[:, 2]])
+    from_origin = position + distances[:, None] * directions - plane.origin
+    positions = np.column_stack([from_origin @ plane.right, from_origin[:, 2]])
+    return distances, positions

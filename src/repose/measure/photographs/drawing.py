@@ -1,4 +1,4 @@
-"""Draw a measurement into its picture: boundary, lines and Height."""
+"""Draw a measurement into its picture: boundary, lines and height of the pile."""
 
 import cv2
 import numpy as np
@@ -13,8 +13,11 @@ LARGEST_COORDINATE = 1e6  # pixels
 # OpenCV takes coordinates as whole numbers, here in units of 1/2^SUBPIXEL_BITS of a
 # pixel.
 SUBPIXEL_BITS = 8
-PICTURE_OVER_LINE = 500  # longer side of a picture over the width of a line in it
+# Longer side of a picture over the width of a line that is drawn in it
+PICTURE_TO_LINE_RATIO = 500
 HALF_BAR = 12  # half the length of the bar at the crest, over the width of a line
+# Thresholds of the gradient in Canny's method, which draws the step ``edge``
+CANNY_THRESHOLDS = (50, 150)
 # Colours, BGR
 RED = (40, 40, 230)
 GREEN = (60, 170, 40)
@@ -25,8 +28,8 @@ BLUE = (220, 120, 20)
 def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     """Draw a measurement into its picture, as in Figure 6 of the paper.
 
-    The boundary is yellow, the left line red and the right line green. Base and Height
-    are blue.
+    The boundary is yellow, the left line red and the right line green. The base and the
+    height of the pile are blue.
 
     Parameters
     ----------
@@ -46,7 +49,7 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     base_row = measurement.base_row
     line_row = base_row - thickness / 2
     draw_line(picture, (0, line_row), (last_column, line_row), BLUE, thickness)
-    # Draw the Height as a vertical line with a bar at the crest.
+    # Draw the height of the pile as a vertical line with a bar at the crest.
     column, top_row = measurement.top
     draw_line(picture, (column, base_row), (column, top_row), BLUE, thickness)
     half_bar = HALF_BAR * thickness
@@ -60,15 +63,16 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     return picture
 
 
-def draw_refused_overlay(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
-    """Draw the boundary and the base of a supposed pile into a refused picture.
+def draw_rejected_overlay(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
+    """Draw into a rejected picture what was taken for the pile: its boundary and base.
 
     Parameters
     ----------
     image : ndarray
         The picture, (H, W) or BGR (H, W, 3).
     pile : Segmentation or None
-        The supposed pile. If none was found, nothing is drawn.
+        The part of the picture that was taken for the pile. If there is none, nothing
+        is drawn.
 
     Returns
     -------
@@ -92,7 +96,10 @@ def _copy_as_bgr(image: np.ndarray) -> np.ndarray:
 
 
 def _draw_outline(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, int]:
-    """Draw a boundary into a BGR copy of a picture.
+    """Copy a picture as BGR, and draw the boundary of a pile into the copy.
+
+    The width of lines depends on the size of the picture. It is returned for the lines
+    that the caller draws into the same picture.
 
     Parameters
     ----------
@@ -104,12 +111,13 @@ def _draw_outline(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, i
     Returns
     -------
     picture : ndarray
-        The copy (H, W, 3), BGR.
+        The copy (H, W, 3), BGR, with the boundary.
     thickness : int
-        Width in pixels of the lines to draw in it.
+        Width of lines in pixels.
     """
     picture = _copy_as_bgr(image)
-    thickness = max(1, round(max(picture.shape) / PICTURE_OVER_LINE))
+    longer_side = max(picture.shape[:2])
+    thickness = max(1, round(longer_side / PICTURE_TO_LINE_RATIO))
     outline = np.zeros(picture.shape[:2], np.uint8)
     outline[contour[:, 1], contour[:, 0]] = 1
     # Thicken the outline to the width of a line.
@@ -186,6 +194,6 @@ def draw_steps(
     return {
         "grey": pile.grey,
         "binary": binary,
-        "edge": cv2.Canny(binary, 50, 150),
+        "edge": cv2.Canny(binary, *CANNY_THRESHOLDS),
         "boundary": overlay(image, measurement),
     }

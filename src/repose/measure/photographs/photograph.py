@@ -1,8 +1,12 @@
-"""Measure or refuse photographs of repeated piles.
+"""Measure or reject photographs of repeated piles.
 
 The printed sheet (`repose.measure.photographs.sheet`) gives the scale, the tilt, the
 lens and the plate. Without it, the photograph must be level and free of distortion, and
 the background must be plain. If no length is known either, only angles are measured.
+
+A photograph with a sign that it does not show a single pile is measured, but has a
+warning (`repose.measure.photographs.plausibility`). Worse signs reject it. The setting
+`berry_height_mm` is the height of a grain of any crop.
 """
 
 import math
@@ -18,14 +22,14 @@ from PIL import Image
 from repose.common.errors import InputError, NoFlankError
 from repose.measure.image_files import read_image
 from repose.measure.photographs import camera, finding, sheet
-from repose.measure.photographs.doubts import (
-    DOUBT,
-    estimate_grain_mm,
-    list_doubts_of_base,
-    list_doubts_of_pile,
-    require_foot,
-)
 from repose.measure.photographs.perspective import Viewpoint, remove_perspective
+from repose.measure.photographs.plausibility import (
+    DOUBTFUL,
+    estimate_grain_mm,
+    list_base_warnings,
+    list_pile_warnings,
+    require_visible_foot,
+)
 from repose.measure.photographs.segmentation import (
     Segmentation,
     require_upright,
@@ -115,15 +119,15 @@ class Photograph:
     pile : Segmentation, optional
         The part taken for the pile; None if nothing was found.
     measurement : Measurement, optional
-        The measurement of the pile; None if the photograph was refused.
-    refusal_reason : str
-        The reason why the photograph was refused; empty if it was not.
+        The measurement of the pile; None if the photograph was rejected.
+    rejection_reason : str
+        The reason why the photograph was rejected; empty if it was not.
     geometry : dict
         The scale ``mm_per_pixel``, if it is known. A photograph with a sheet also has
         ``tilt_deg`` and ``look_down_deg``.
     note : str
         A warning about the numbers; may be empty.
-    doubts : sequence of str
+    warnings : sequence of str
         Signs that the photograph does not show a single pile.
     """
 
@@ -131,10 +135,10 @@ class Photograph:
     view: np.ndarray
     pile: Segmentation | None = None
     measurement: Measurement | None = None
-    refusal_reason: str = ""
+    rejection_reason: str = ""
     geometry: dict[str, float] = field(default_factory=dict)
     note: str = ""
-    doubts: Sequence[str] = ()
+    warnings: Sequence[str] = ()
 
     @property
     def mm_per_pixel(self) -> float:
@@ -143,8 +147,8 @@ class Photograph:
 
     @property
     def remarks(self) -> str:
-        """Note and doubts in one line."""
-        remarks = [self.note, *self.doubts]
+        """Note and warnings in one line."""
+        remarks = [self.note, *self.warnings]
         return "; ".join(remark for remark in remarks if remark)
 
 
@@ -153,7 +157,7 @@ class _Location(NamedTuple):
 
     crest_mm: float  # distance of the crest from the sheet's left edge
     height_mm: float
-    side_mm: float  # half the width of a view of the pile with a margin
+    half_width_mm: float  # half the width of a fine view, the pile with a margin
 
 
 def measure_level_length(
@@ -216,19 +220,19 @@ def split_readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
     -------
     readable_paths : list of Path
         The photographs that can be read.
-    faults : list of InputError
+    errors : list of InputError
         The error of each of the other photographs.
     """
     readable_paths = []
-    faults = []
+    errors = []
     for path in paths:
         try:
             read_image(path)
-        except InputError as fault:
-            faults.append(fault)
+        except InputError as error:
+            errors.append(error)
         else:
             readable_paths.append(path)
-    return readable_paths, faults
+    return readable_paths, errors
 
 
 def calibrate_cameras(
@@ -236,7 +240,9 @@ def calibrate_cameras(
 ) -> tuple[dict[Path, sheet.SheetCorners | None], dict[Size, camera.Camera]]:
     """Find the sheet in photographs, and calibrate their cameras.
 
-    Photographs of the same size are assumed to come from the same camera.
+    Photographs of the same size are assumed to come from the same camera. The focal
+    length that this camera states is read from the EXIF data of the first photograph
+    that shows the sheet.
 
     Parameters
     ----------
@@ -250,7 +256,8 @@ def calibrate_cameras(
     sheets : dict
         The corners of the sheet by path of the photograph; None if it is not found.
     cameras : dict
-        The cameras by width and height of their photographs in pixels.
+        The cameras by width and height of their photographs in pixels, as
+        `read_photograph` returns these.
     """
     sheets: dict[Path, sheet.SheetCorners | None] = {}
     views_by_size: dict[Size, list[sheet.SheetCorners]] = {}
@@ -264,7 +271,7 @@ def calibrate_cameras(
             views_by_size.setdefault(size, []).append(corners)
             # Take the stated focal length from the first photograph of each size.
             if size not in focal_by_size:
-                focal_by_size[size] = _read_focal(path, max(size))
+                focal_by_size[size] = _read_focal_length_px(path, max(size))
     cameras = {
         size: camera.calibrate_camera(views, size, focal_by_size[size])
         for size, views in views_by_size.items()
@@ -273,12 +280,14 @@ def calibrate_cameras(
 
 
 def measure_photographs(
-    paths: Paths, settings: MeasureSettings, scale: Scale, lens: Paths = ()
+    paths: Paths, settings: MeasureSettings, scale: Scale, lens_paths: Paths = ()
 ) -> list[Photograph]:
     """Measure photographs of piles, with or without the printed sheet.
 
-    If any photograph shows the sheet, the sheet gives the scale, the tilt and the lens.
-    The result of a photograph that cannot be measured gives the reason.
+    If the user gives a scale, no sheet is searched for. Otherwise, if any photograph
+    shows the sheet, the sheet gives the scale, the tilt and the lens, and photographs
+    without the sheet are rejected. The result of a rejected photograph contains the
+    reason.
 
     Parameters
     ----------
@@ -287,9 +296,10 @@ def measure_photographs(
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        What the user has stated about the scale of the photographs.
-    lens : sequence of Path
-        Photographs of the sheet alone, taken with the same camera.
+        The scale and the row of the plate, as far as the user gives them.
+    lens_paths : sequence of Path
+        Photographs of the sheet alone, taken with the same camera. They are used only
+        to calibrate the camera.
 
     Returns
     -------
@@ -299,15 +309,16 @@ def measure_photographs(
     Raises
     ------
     InputError
-        If a photograph of `lens` does not show the sheet, or if the row of the plate is
-        given although the sheet shows it.
+        If a photograph of `lens_paths` does not show the sheet. Also if the user gives
+        the row of the plate although a photograph shows the sheet, because the sheet
+        already determines this row.
     """
     if scale.mm_per_pixel is not None:
         return [measure_without_sheet(path, settings, scale) for path in paths]
 
-    sheets, cameras = calibrate_cameras([*paths, *lens], scale.square_mm)
-    _require_sheets(lens, sheets)
-    # If there is no camera, no photograph shows the sheet.
+    sheets, cameras = calibrate_cameras([*paths, *lens_paths], scale.square_mm)
+    _require_sheets(lens_paths, sheets)
+    # If no camera was calibrated, no photograph shows the sheet.
     if not cameras:
         return [measure_without_sheet(path, settings, scale) for path in paths]
     if scale.base_row is not None:
@@ -322,7 +333,7 @@ def measure_photographs(
         image, _ = read_photograph(path)
         corners = sheets[path]
         if corners is None:
-            result = Photograph(path, image, refusal_reason=NO_SHEET_REASON)
+            result = Photograph(path, image, rejection_reason=NO_SHEET_REASON)
         else:
             size = (image.shape[1], image.shape[0])
             result = _measure_with_sheet(path, image, corners, cameras[size], settings)
@@ -356,14 +367,15 @@ def _measure_with_sheet(
     path: Path,
     image: np.ndarray,
     corners: sheet.SheetCorners,
-    lens: camera.Camera,
+    calibrated_camera: camera.Camera,
     settings: MeasureSettings,
 ) -> Photograph:
     """Measure a photograph that shows the sheet.
 
     The pile is found by its colour. If the background has nearly the same colours, it
-    is found by its roughness instead. The latter result is used only if it is free of
-    doubts.
+    is found by its roughness instead. The result by roughness is returned only if it
+    has no warnings. Otherwise, the photograph is rejected for the reason that was found
+    by colour.
 
     Parameters
     ----------
@@ -373,37 +385,39 @@ def _measure_with_sheet(
         The photograph (H, W, 3), BGR.
     corners : SheetCorners
         The sheet in the photograph.
-    lens : Camera
-        The calibrated camera.
+    calibrated_camera : Camera
+        The camera of the photograph.
     settings : MeasureSettings
         Settings of the measurement.
 
     Returns
     -------
     Photograph
-        The result, or the reason why it was refused.
+        The result, or the reason why it was rejected.
     """
+    size = (image.shape[1], image.shape[0])
     try:
-        pose = camera.Pose(lens, corners, (image.shape[1], image.shape[0]))
+        pose = camera.Pose(calibrated_camera, corners, size)
     except NoFlankError as error:
-        return Photograph(path, image, refusal_reason=error.reason)
+        return Photograph(path, image, rejection_reason=error.reason)
 
-    by_colour = Photograph(path, image, note=lens.note)
+    # The function `_measure_in_pose` sets the attributes of the photograph.
+    by_colour = Photograph(path, image, note=calibrated_camera.note)
     try:
         _measure_in_pose(by_colour, pose, settings, by_roughness=False)
         return by_colour
     except NoFlankError as error:
-        by_colour.refusal_reason = error.reason
+        by_colour.rejection_reason = error.reason
         # Roughness can help only if the colours do not show the pile.
         if not isinstance(error, finding.NotPlainError):
             return by_colour
 
-    by_roughness = Photograph(path, image, note=lens.note)
+    by_roughness = Photograph(path, image, note=calibrated_camera.note)
     try:
         _measure_in_pose(by_roughness, pose, settings, by_roughness=True)
     except NoFlankError:
         return by_colour
-    return by_colour if by_roughness.doubts else by_roughness
+    return by_colour if by_roughness.warnings else by_roughness
 
 
 def _measure_in_pose(
@@ -436,7 +450,9 @@ def _measure_in_pose(
     image = photograph.view
 
     # Find the pile in a coarse view of the sheet's plane.
-    coarse = camera.draw_side_view(image, pose, None, COARSE_PX)
+    coarse = camera.rectify_photograph(
+        image, pose, axis_mm=None, longest_side_px=COARSE_PX
+    )
     photograph.view = coarse.image
     photograph.geometry = {
         "mm_per_pixel": coarse.mm_per_pixel,
@@ -451,10 +467,10 @@ def _measure_in_pose(
     grain_mm = settings.berry_height_mm
     if grain_mm is None:
         grain_mm = estimate_grain_mm(location.height_mm)
-    fine = _draw_fine_view(image, pose, location, grain_mm if by_roughness else None)
+    fine = _rectify_fine_view(image, pose, location, grain_mm if by_roughness else None)
     photograph.view = fine.image
     photograph.geometry["mm_per_pixel"] = fine.mm_per_pixel
-    fine_mask = _transfer_mask(coarse_mask, coarse, fine, location.crest_mm)
+    fine_mask = _resample_mask(coarse_mask, coarse, fine, location.crest_mm)
     grain_px = grain_mm / fine.mm_per_pixel
     pile, faint_fraction = finding.refine_pile(fine, fine_mask, grain_px, by_roughness)
     photograph.pile = pile
@@ -468,11 +484,11 @@ def _measure_in_pose(
     photograph.pile = pile
 
     # Measure the pile, and look for signs that it is not a single pile.
-    measurement = _measure_view(photograph, settings)
-    doubts = list_doubts_of_pile(pile, measurement, grain_mm, fine.mm_per_pixel)
-    doubts += _list_doubts_of_boundary(faint_fraction)
+    measurement = _measure_found_pile(photograph, settings)
+    warnings = list_pile_warnings(pile, measurement, grain_mm, fine.mm_per_pixel)
+    warnings += _list_boundary_warnings(faint_fraction)
     photograph.measurement = measurement
-    photograph.doubts = doubts
+    photograph.warnings = warnings
 
 
 def _require_camera_at_crest(look_down_deg: float) -> None:
@@ -488,13 +504,13 @@ def _require_camera_at_crest(look_down_deg: float) -> None:
         )
 
 
-def _list_doubts_of_boundary(faint_fraction: float) -> list[str]:
-    """List the doubts about a boundary at which pile and background look alike.
+def _list_boundary_warnings(faint_fraction: float) -> list[str]:
+    """List the warnings about a boundary at which pile and background look alike.
 
     Parameters
     ----------
     faint_fraction : float
-        Share of the upper boundary at which both sides hardly differ.
+        Fraction of the upper boundary at which both sides hardly differ.
 
     Returns
     -------
@@ -514,7 +530,7 @@ def _list_doubts_of_boundary(faint_fraction: float) -> list[str]:
     if faint_fraction <= LARGEST_FAINT_FRACTION / 2:
         return []
     return [
-        f"{DOUBT}: the pile hardly differs from its background along "
+        f"{DOUBTFUL}: the pile hardly differs from its background along "
         f"{100 * faint_fraction:.0f} % of its boundary"
     ]
 
@@ -526,7 +542,7 @@ def _remove_perspective(
     fine: camera.SideView,
     settings: MeasureSettings,
 ) -> tuple[np.ndarray, Segmentation]:
-    """Redraw view and pile as a distant camera at the height of the plate sees them.
+    """Redraw the view and the pile without perspective, as if seen from far away.
 
     The new view depends on the angles of both sides of the pile, which are measured in
     the old view first.
@@ -552,7 +568,7 @@ def _remove_perspective(
         The pile in it.
     """
     assert photograph.pile is not None
-    angle = _measure_view(photograph, settings).angle
+    angle = _measure_found_pile(photograph, settings).angle
     x, y, z = pose.position_mm
     viewpoint = Viewpoint(
         axis_px=-fine.left_mm / fine.mm_per_pixel,
@@ -569,9 +585,10 @@ def _remove_perspective(
 
 
 def _locate_pile(mask: np.ndarray, view: camera.SideView) -> _Location:
-    """Locate the pile, given by a mask (H, W), in the view of the sheet's plane.
+    """Return crest, height and width of the pile, by its mask in the coarse view.
 
-    The crest is the middle of the highest row of the pile.
+    The mask (H, W) is in the pixels of the view. The crest is the middle of the highest
+    row of the pile.
     """
     rows = np.flatnonzero(mask.any(axis=1))
     columns = np.flatnonzero(mask.any(axis=0))
@@ -580,14 +597,14 @@ def _locate_pile(mask: np.ndarray, view: camera.SideView) -> _Location:
     return _Location(
         crest_mm=view.left_mm + view.mm_per_pixel * crest,
         height_mm=(view.base_row - rows[0]) * view.mm_per_pixel,
-        side_mm=SIDE_MARGIN * view.mm_per_pixel * half_width,
+        half_width_mm=SIDE_MARGIN * view.mm_per_pixel * half_width,
     )
 
 
-def _draw_fine_view(
+def _rectify_fine_view(
     image: np.ndarray, pose: camera.Pose, location: _Location, grain_mm: float | None
 ) -> camera.SideView:
-    """Draw the view of the plane through the pile's axis, cut to the pile.
+    """Compute the upright view of the plane through the pile's axis, near the pile.
 
     Parameters
     ----------
@@ -598,9 +615,9 @@ def _draw_fine_view(
     location : _Location
         Crest, height and width of the pile.
     grain_mm : float or None
-        Height of a grain, if roughness will be measured in the view. The view is then
-        made so coarse that a grain is at most `LARGEST_ROUGH_GRAIN_PX` pixels high. If
-        it is None, the view is as fine as `FINE_PX` allows.
+        Height of a grain, if roughness will be measured in the view. The resolution is
+        then reduced, so that a grain is at most `LARGEST_ROUGH_GRAIN_PX` pixels high.
+        If it is None, the view is as fine as `FINE_PX` allows.
 
     Returns
     -------
@@ -608,63 +625,70 @@ def _draw_fine_view(
         The view.
     """
     top_mm = TOP_MARGIN * location.height_mm
+    half_width_mm = location.half_width_mm
     longest_side_px = FINE_PX
     if grain_mm is not None:
-        longest_side_mm = max(2 * location.side_mm, top_mm)
-        largest_side_px = round(LARGEST_ROUGH_GRAIN_PX * longest_side_mm / grain_mm)
-        longest_side_px = min(FINE_PX, largest_side_px)
-    crop = camera.Extent(left=-location.side_mm, right=location.side_mm, top=top_mm)
-    return camera.draw_side_view(image, pose, location.crest_mm, longest_side_px, crop)
+        # The longer one of width and height of the view decides its resolution.
+        longest_side_mm = max(2 * half_width_mm, top_mm)
+        rough_side_px = round(LARGEST_ROUGH_GRAIN_PX * longest_side_mm / grain_mm)
+        longest_side_px = min(FINE_PX, rough_side_px)
+    crop = camera.Extent(left=-half_width_mm, right=half_width_mm, top=top_mm)
+    return camera.rectify_photograph(
+        image, pose, location.crest_mm, longest_side_px, crop
+    )
 
 
-def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurement:
-    """Measure the pile that was found in a photograph.
+def _measure_found_pile(
+    photograph: Photograph, settings: MeasureSettings
+) -> Measurement:
+    """Measure the pile that was found in a photograph; the photograph is not changed.
 
     Parameters
     ----------
     photograph : Photograph
-        The photograph with its pile.
+        The photograph. Its attribute `pile` must be set.
     settings : MeasureSettings
-        Settings of the measurement.
+        Settings of the measurement. Their scale is replaced by that of the photograph.
 
     Returns
     -------
     Measurement
-        Angles and Height of the pile.
+        The angles and the height of the pile.
 
     Raises
     ------
     NoFlankError
-        If the pile has no flank, or if its two sides have very different angles.
+        If the response cannot be measured, or if the two sides of the pile have very
+        different angles.
     """
     assert photograph.pile is not None
-    settings_of_view = settings.with_scale(photograph.mm_per_pixel)
-    measurement = with_response(measure_segmented(photograph.pile, settings_of_view))
+    scaled_settings = settings.with_scale(photograph.mm_per_pixel)
+    measurement = with_response(measure_segmented(photograph.pile, scaled_settings))
     difference = abs(measurement.angle.left_deg - measurement.angle.right_deg)
     if difference > LARGEST_DIFFERENCE_DEG:
         raise NoFlankError(
-            f"its two sides differ by {difference:.1f} degrees, more than the allowed "
-            f"{LARGEST_DIFFERENCE_DEG:g}: it is not a single pile, or the background is "
-            "not plain"
+            f"the angles of the pile's two sides differ by {difference:.1f} degrees, "
+            f"more than the allowed {LARGEST_DIFFERENCE_DEG:g}: it is not a single "
+            "pile, or the background is not plain"
         )
     return measurement
 
 
-def _transfer_mask(
+def _resample_mask(
     mask: np.ndarray, coarse: camera.SideView, fine: camera.SideView, axis_mm: float
 ) -> np.ndarray:
-    """Redraw a mask of the coarse view in the pixels of the fine view.
+    """Convert a mask of the coarse view to the pixels of the fine view.
 
     Parameters
     ----------
     mask : ndarray
         Mask (H, W) of the pile in the coarse view.
     coarse : SideView
-        The view of the sheet's plane. Its `left_mm` is counted from the sheet's left
-        edge.
+        The view of the sheet's plane. Its `left_mm` is the distance from the sheet's
+        left edge.
     fine : SideView
-        The view of the plane through the pile's axis. Its `left_mm` is counted from
-        this axis.
+        The view of the plane through the pile's axis. Its `left_mm` is the distance
+        from this axis.
     axis_mm : float
         Distance of the axis from the sheet's left edge, positive to the right.
 
@@ -674,10 +698,10 @@ def _transfer_mask(
         Mask of the pile in the fine view, in the shape of this view.
     """
     n_rows, n_columns = fine.image.shape[:2]
-    # Find the column of the coarse view that each column of the fine view shows, from
-    # distances to the sheet's left edge.
-    fine_left_mm = axis_mm + fine.left_mm
-    x_mm = fine_left_mm + fine.mm_per_pixel * np.arange(n_columns)
+    # Find the column of the coarse view that each column of the fine view shows. For
+    # this, express both as distances from the sheet's left edge.
+    fine_left_from_sheet_mm = axis_mm + fine.left_mm
+    x_mm = fine_left_from_sheet_mm + fine.mm_per_pixel * np.arange(n_columns)
     source_columns = (x_mm - coarse.left_mm) / coarse.mm_per_pixel
 
     # Find the row from the height over the plate. Rows are counted downwards.
@@ -713,41 +737,42 @@ def measure_without_sheet(
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        What the user has stated about the scale of the photograph. Without
-        `mm_per_pixel`, only the angles that need no length are measured.
+        The scale, a level line and the row of the plate, as far as the user gives them.
+        Without `mm_per_pixel`, only the angles that need no length are measured.
 
     Returns
     -------
     Photograph
-        The result, or the reason why it was refused.
+        The result, or the reason why it was rejected.
     """
     image, reduction = read_photograph(path)
     rows, columns = image.shape[:2]
     original_size = (round(columns * reduction), round(rows * reduction))
     # The user gives the row of the plate in the original photograph. Convert it to a
-    # row of the reduced picture, and then to a row of the level picture.
+    # row of the reduced picture, and then to a row of the rotated picture.
     reduced_row = None if scale.base_row is None else scale.base_row / reduction
-    level_image, level_row = _level_photograph(image, scale.level_deg, reduced_row)
+    level_image, level_row = _make_level(image, scale.level_deg, reduced_row)
 
     photograph = Photograph(path, level_image)
-    has_scale = scale.mm_per_pixel is not None
     usable_settings = settings
-    if scale.mm_per_pixel is not None:
-        photograph.geometry["mm_per_pixel"] = scale.mm_per_pixel * reduction
-    else:
+    if scale.mm_per_pixel is None:
         # All lengths are in pixels, so a height of a grain in mm cannot be used.
         usable_settings = settings.model_copy(update={"berry_height_mm": None})
         photograph.note = NO_LENGTH_NOTE
+    else:
+        # A pixel of the reduced picture shows more millimetres than one of the
+        # original.
+        photograph.geometry["mm_per_pixel"] = scale.mm_per_pixel * reduction
     try:
         _require_ends_inside(scale.ends, original_size)
         _measure_level_photograph(photograph, usable_settings, level_row)
     # An InputError is possible, too, for example if the base lies below the picture.
     except (NoFlankError, InputError) as error:
-        photograph.refusal_reason = str(error)
-        if not has_scale:
-            photograph.refusal_reason += f"; {NO_SHEET_REASON}"
-    # Remove a Height in pixels, which users would mistake for millimetres.
-    if photograph.measurement is not None and not has_scale:
+        photograph.rejection_reason = str(error)
+        if scale.mm_per_pixel is None:
+            photograph.rejection_reason += f"; {NO_SHEET_REASON}"
+    # Remove a height in pixels, which users would mistake for millimetres.
+    if photograph.measurement is not None and scale.mm_per_pixel is None:
         photograph.measurement = replace(photograph.measurement, height_mm=math.nan)
     return photograph
 
@@ -782,12 +807,13 @@ def _measure_level_photograph(
     Parameters
     ----------
     photograph : Photograph
-        The photograph. The function sets its pile, its measurement and its doubts.
+        The photograph. The function sets its pile, its measurement and its warnings. If
+        the pile cannot be measured, only the pile is set, which the overlay shows.
     settings : MeasureSettings
         Settings of the measurement.
     base_row : float or None
         Row of the plate, if the user has given it. If it is None, the base is found in
-        the picture, and doubts about it are listed, too.
+        the picture and checked. The warnings then include those about the base.
 
     Raises
     ------
@@ -799,26 +825,26 @@ def _measure_level_photograph(
     image = photograph.view
     mm_per_pixel = photograph.mm_per_pixel
     grain_mm = settings.berry_height_mm
-    # Find the pile, and check that it stands on its foot.
+    # Find the pile. If the base was found in the picture, check that it is the foot.
     pile = segment(image, settings.largest_pile_only, base_row)
     photograph.pile = pile
     require_upright(pile.mask)
     if base_row is None:
-        require_foot(image, pile, grain_mm, mm_per_pixel)
+        require_visible_foot(image, pile, grain_mm, mm_per_pixel)
 
     # Measure the pile, and look for signs that it is not a single pile.
-    measurement = _measure_view(photograph, settings)
+    measurement = _measure_found_pile(photograph, settings)
     if grain_mm is None:
         grain_mm = estimate_grain_mm(measurement.height_mm)
-    doubts = list_doubts_of_pile(pile, measurement, grain_mm, mm_per_pixel)
+    warnings = list_pile_warnings(pile, measurement, grain_mm, mm_per_pixel)
     if base_row is None:
-        doubts += list_doubts_of_base(image, pile, grain_mm / mm_per_pixel)
+        warnings += list_base_warnings(image, pile, grain_mm / mm_per_pixel)
     photograph.measurement = measurement
-    photograph.doubts = doubts
+    photograph.warnings = warnings
 
 
-def _level_photograph(
-    image: np.ndarray, level_deg: float, base_row: float | None
+def _make_level(
+    image: np.ndarray, slope_deg: float, base_row: float | None
 ) -> tuple[np.ndarray, float | None]:
     """Rotate a photograph about its middle so that a sloping line becomes level.
 
@@ -826,10 +852,11 @@ def _level_photograph(
     ----------
     image : ndarray
         The photograph (H, W, 3).
-    level_deg : float
+    slope_deg : float
         Angle by which the line rises to the right.
     base_row : float or None
-        Row of the plate in the middle column, if it is known.
+        Row of the plate in the middle column, if it is known. In another column, the
+        row would differ, because the plate slopes like the line.
 
     Returns
     -------
@@ -838,12 +865,16 @@ def _level_photograph(
     level_row : float or None
         The row of the plate in it; None if it is unknown.
     """
-    if level_deg == 0:
+    if slope_deg == 0:
         return image, base_row
     rows, columns = image.shape[:2]
     middle_row = (rows - 1) / 2
     middle_column = (columns - 1) / 2
-    rotation = cv2.getRotationMatrix2D((middle_column, middle_row), -level_deg, 1.0)
+    # OpenCV counts angles counterclockwise. A line that rises to the right is turned
+    # clockwise.
+    rotation = cv2.getRotationMatrix2D(
+        (middle_column, middle_row), angle=-slope_deg, scale=1.0
+    )
     level_image = cv2.warpAffine(
         image,
         rotation,
@@ -856,15 +887,15 @@ def _level_photograph(
     # The plate is parallel to the line. So its distance from the middle of the picture
     # is the distance along the middle column, times the cosine of the slope.
     distance = base_row - middle_row
-    level_row = middle_row + distance * math.cos(math.radians(level_deg))
+    level_row = middle_row + distance * math.cos(math.radians(slope_deg))
     return level_image, level_row
 
 
-def _read_focal(path: Path, longer_side: float) -> float | None:
+def _read_focal_length_px(path: Path, longer_side: float) -> float | None:
     """Read the focal length in pixels from a photograph's EXIF data.
 
-    The EXIF data contain the equivalent focal length in mm: that of a camera with the
-    same angle of view and film that is `FILM_WIDTH_MM` wide.
+    The EXIF data contain the equivalent focal length in mm. This is the focal length of
+    a film camera with the same angle of view, whose film is `FILM_WIDTH_MM` wide.
 
     Parameters
     ----------
@@ -882,6 +913,7 @@ def _read_focal(path: Path, longer_side: float) -> float | None:
         with Image.open(path) as picture:
             camera_data = picture.getexif().get_ifd(EXIF_CAMERA)
             equivalent_mm = float(camera_data.get(EXIF_FOCAL_LENGTH_35MM, 0))
+    # Pillow raises a SyntaxError for some damaged files.
     except (OSError, ValueError, TypeError, SyntaxError):
         return None
     shortest_mm, longest_mm = PLAUSIBLE_FOCALS_MM

@@ -21,18 +21,21 @@ MIN_SIDE_PX = 20  # smallest height and width of a picture
 MIN_PEAK = 8  # smallest contrast, in tones, that a pile must reach somewhere
 BORDER_FRACTION = 0.03  # width of the border strip over the picture's shorter side
 SECOND_PILE_FRACTION = 0.4  # height of a second pile over that of the largest part
-# Height of a pile's centroid over the height of the pile; it is 0.5 for a rectangle
+# Largest height of a pile's centroid above its lowest row, over the height of the pile.
+# It is 0.5 for a rectangle, and 1/3 for a triangle that stands on a side.
 HIGHEST_CENTROID = 0.55
 SMALLEST_PART = 0.01  # area of a part of the pile over that of the largest part
-PLATE_FRACTION = 0.97  # smallest fraction of a row that a plate covers
-# `ROWS_ABOVE_PLATE` rows above the plate, less than this fraction of the row is
-# covered.
+# A plate covers more than the first fraction of a row. In the row that lies
+# `ROWS_ABOVE_PLATE` rows above the plate, less than the second fraction is covered.
+PLATE_FRACTION = 0.97
 ROWS_ABOVE_PLATE = 4
 FRACTION_ABOVE_PLATE = 0.9
 # Largest difference between the lowest rows of a second pile and of the largest part,
 # over the height of the largest part
 LARGEST_BASE_DIFFERENCE = 0.1
-EDGE_COLUMNS = 3  # a plate reaches into these columns at both sides of the picture
+# A plate reaches into the first and into the last columns of a picture, this number of
+# columns on each side.
+EDGE_COLUMNS = 3
 
 # The background is fitted several times, each time without the outliers of the previous
 # fit.
@@ -99,9 +102,12 @@ def segment(
         If the picture is unusable, or if `base_row` lies outside it.
     """
     picture = prepare_picture(image)
+    # The contrast is the difference of each pixel from the background. The mask has the
+    # pixels whose contrast is above the level.
     contrast, level, mask = _separate_from_background(picture)
 
-    # Leave out the plate, if its row is given or can be found.
+    # Leave out the plate, if its row is given or can be found. This must come first,
+    # because a plate would connect the parts of the mask.
     plate_row = find_plate_row(mask) if base_row is None else base_row
     if plate_row is not None:
         mask = _cut_off_plate(mask, plate_row)
@@ -110,7 +116,9 @@ def segment(
     has_neighbour = largest_pile_only and has_second_pile(mask)
     pile_mask = pile_component(mask, largest_pile_only)
     if plate_row is None:
-        plate_row = find_lower_edge(pile_mask, contrast, level)
+        lower_edge_row = find_lower_edge(pile_mask, contrast, level)
+    else:
+        lower_edge_row = plate_row
 
     grey = picture
     if picture.ndim == 3:
@@ -122,7 +130,7 @@ def segment(
         contrast=contrast,
         level=level,
         mask=pile_mask,
-        base_row=float(plate_row),
+        base_row=float(lower_edge_row),
         is_darker=bool(pile_tone < background_tone),
         has_neighbour=has_neighbour,
     )
@@ -312,7 +320,8 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
     ndarray
         Distances (H, W) in tones: the root of the sum of squares over all channels.
     """
-    # Coordinates from -1 to 1 over the picture keep all terms of a similar magnitude.
+    # Coordinates go from -1 to 1 over the picture, so that all terms have a similar
+    # magnitude.
     n_rows, n_columns = image.shape[:2]
     y = np.linspace(-1, 1, n_rows, dtype=np.float32)[:, None]
     x = np.linspace(-1, 1, n_columns, dtype=np.float32)
@@ -326,7 +335,8 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
         strip_tones = channel[is_strip].astype(float)
         coefficients = _fit_without_outliers(strip_terms, strip_tones)
         # Compute the surface at all pixels. Sums over one row and one column are much
-        # faster than the terms of each pixel.
+        # faster than the terms of each pixel. The coefficients have the order of
+        # `_compute_quadratic_terms`.
         constant, x1, x2, y1, y2, xy = coefficients.astype(np.float32)
         along_row = constant + x1 * x + x2 * x * x
         along_column = y1 * y + y2 * y * y
@@ -338,16 +348,17 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
 def _compute_quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Compute the terms (N, 6) of a quadratic surface at N points (x, y).
 
-    The terms are 1, x, x², y, y² and xy.
+    The terms are 1, x, x², y, y² and xy. `compute_background_contrast` depends on this
+    order.
     """
     terms = (np.ones_like(x), x, x**2, y, y**2, x * y)
     return np.stack(terms, axis=1).astype(float)
 
 
 def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
-    """Fit the coefficients of a surface to the tones of the border strip.
+    """Fit the coefficients of a surface to the tones (grey values) of the border strip.
 
-    A plate or a stray grain covers only a small part of the strip. Its pixels are
+    A plate or a loose grain covers only a small part of the strip. Its pixels are
     outliers, which the fits leave out. The first fit leaves out pixels far from the
     median tone, and each further fit leaves out pixels far from the previous fit.
 
@@ -375,7 +386,7 @@ def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
 
 
 def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
-    """Find Otsu's level for a contrast, and the pixels above this level.
+    """Find Otsu's threshold for a contrast, and the pixels above this threshold.
 
     Parameters
     ----------
@@ -385,7 +396,7 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     Returns
     -------
     level : float
-        The contrast that separates pile and background.
+        The threshold: the contrast that separates pile and background.
     mask : ndarray
         Mask (H, W) of the pixels above it, uint8.
 
@@ -409,38 +420,41 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     # pixel too far out. Use the middle between the means of the two classes instead.
     lower_mean = cv2.mean(scaled, mask=1 - binary)[0]
     upper_mean = cv2.mean(scaled, mask=binary)[0]
-    level = (lower_mean + upper_mean) / 2
-    _, mask = cv2.threshold(scaled, math.floor(level), 1, cv2.THRESH_BINARY)
-    return level * peak / 255.0, mask
+    scaled_level = (lower_mean + upper_mean) / 2
+    # The scaled contrasts are whole numbers. Such a number is above the level exactly
+    # if it is above its whole part.
+    _, mask = cv2.threshold(scaled, math.floor(scaled_level), 1, cv2.THRESH_BINARY)
+    return scaled_level * peak / 255.0, mask
 
 
 def find_plate_row(mask: np.ndarray) -> float | None:
-    """Find the upper edge of a plate that has the tone of the pile.
+    """Find the upper edge of a plate that is as dark or bright as the pile.
 
-    A plate extends across the mask from border to border, and a few rows above it the
-    mask is clearly narrower. If a pile extends beyond both sides of the picture, its
-    foot is not mistaken for a plate, because the pile becomes narrower only slowly.
+    Such a plate is a part of the mask. It extends from the left border of the picture
+    to the right one, and a few rows above it the mask is clearly narrower. If a pile
+    extends beyond both sides of the picture, its foot is not mistaken for a plate,
+    because the pile becomes narrower only slowly.
 
     Parameters
     ----------
     mask : ndarray
-        Mask (H, W) of pile and plate.
+        Mask (H, W) of pile and plate, 0 or 1.
 
     Returns
     -------
     float or None
-        The edge between the highest row of the plate and the row above it; None if
-        there is no plate.
+        The edge between the highest row of the plate and the row above it, which lies
+        half a pixel above the centre of the former; None if there is no plate.
     """
-    covered_share = mask.mean(axis=1)
+    covered_fraction = mask.mean(axis=1)
     reaches_left = mask[:, :EDGE_COLUMNS].any(axis=1)
     reaches_right = mask[:, -EDGE_COLUMNS:].any(axis=1)
-    is_across = reaches_left & reaches_right & (covered_share > PLATE_FRACTION)
+    is_across = reaches_left & reaches_right & (covered_fraction > PLATE_FRACTION)
     if not is_across.any():
         return None
     first_row = int(is_across.argmax())
     row_above = first_row - ROWS_ABOVE_PLATE
-    if row_above < 0 or covered_share[row_above] >= FRACTION_ABOVE_PLATE:
+    if row_above < 0 or covered_fraction[row_above] >= FRACTION_ABOVE_PLATE:
         return None
     return first_row - 0.5
 
@@ -475,7 +489,7 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     else:
         is_large = areas >= SMALLEST_PART * areas.max()
         selected = [contours[index] for index in np.flatnonzero(is_large).tolist()]
-    # Fill the outer boundaries, so that the holes are filled, too.
+    # Fill the outer boundary of each part, which also fills its holes.
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, selected, -1, 1, cv2.FILLED)
     return filled
@@ -490,9 +504,9 @@ def _find_contours(mask: np.ndarray) -> Sequence[np.ndarray]:
 def has_second_pile(mask: np.ndarray) -> bool:
     """Tell whether a second pile stands beside the largest part of a mask.
 
-    A part counts as a pile if it stands about as low as the largest part, is wider than
-    high, and has at least the fraction `SECOND_PILE_FRACTION` of the largest part's
-    height.
+    A part counts as a pile if its base is about as low as that of the largest part, if
+    it is wider than high, and if its height is at least the fraction
+    `SECOND_PILE_FRACTION` of the largest part's height.
 
     Parameters
     ----------
@@ -504,17 +518,18 @@ def has_second_pile(mask: np.ndarray) -> bool:
     bool
         True if there are at least two piles.
     """
-    _, _, boxes, _ = cv2.connectedComponentsWithStats(mask)
-    parts = boxes[1:]  # without the background
+    # OpenCV returns the bounding box and the area of each part.
+    _, _, statistics, _ = cv2.connectedComponentsWithStats(mask)
+    parts = statistics[1:]  # without the background
     if len(parts) < 2:
         return False
     _, tops, widths, heights, areas = parts.T
     largest = int(areas.argmax())
-    bottoms = tops + heights
+    bottoms = tops + heights  # rows count downwards
     base_difference = np.abs(bottoms - bottoms[largest])
-    stands_as_low = base_difference <= LARGEST_BASE_DIFFERENCE * heights[largest]
+    has_same_base = base_difference <= LARGEST_BASE_DIFFERENCE * heights[largest]
     is_high = heights >= SECOND_PILE_FRACTION * heights[largest]
-    is_pile = stands_as_low & (widths > heights) & is_high
+    is_pile = has_same_base & (widths > heights) & is_high
     # The largest part itself may be one of these piles.
     return bool(is_pile.sum() > 1)
 
@@ -527,7 +542,7 @@ def require_upright(mask: np.ndarray) -> None:
     Parameters
     ----------
     mask : ndarray
-        Mask (H, W) of the pile.
+        Mask (H, W) of the pile, which is not empty.
     """
     if mask[0].any():
         raise NoFlankError(
@@ -537,8 +552,8 @@ def require_upright(mask: np.ndarray) -> None:
     top = rows[0]
     bottom = rows[-1]
     row_widths = mask.sum(axis=1, dtype=float)
-    centroid = np.average(np.arange(len(mask)), weights=row_widths)
-    if bottom - centroid > HIGHEST_CENTROID * (bottom - top):
+    centroid_row = np.average(np.arange(len(mask)), weights=row_widths)
+    if bottom - centroid_row > HIGHEST_CENTROID * (bottom - top):
         raise NoFlankError(
             "most of the pile lies in its upper half: the picture is upside down, or "
             "shows no pile"
@@ -554,7 +569,7 @@ def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.
     Parameters
     ----------
     mask : ndarray
-        Mask (H, W) of the pile.
+        Mask (H, W) of the pile, uint8 with the values 0 and 1.
     contrast : ndarray
         Contrast (H, W) between the picture and its background.
     level : float
@@ -566,17 +581,20 @@ def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.
         Row (W,) of the edge in each column; NaN in a column without pile.
     """
     # Find the highest pixel of each column. The columns of the transpose lie in
-    # contiguous memory, which makes the search three times as fast.
+    # contiguous memory, which makes the search three times as fast. The view as bool
+    # needs values 0 and 1. In a column without pile, the result is row 0, which is
+    # replaced below.
     top_rows = cv2.transpose(mask).view(bool).argmax(axis=1)
     columns = np.arange(mask.shape[1])
-    inner = contrast[top_rows, columns]
+    inner_contrast = contrast[top_rows, columns]
     # Above the first row of the picture, the contrast counts as 0.
     rows_above = np.maximum(top_rows - 1, 0)
-    outer = np.where(top_rows > 0, contrast[rows_above, columns], 0.0)
+    outer_contrast = np.where(top_rows > 0, contrast[rows_above, columns], 0.0)
     # Find the distance from the highest pixel up to the edge. If the contrast does not
     # decrease from the inner to the outer pixel, place the edge half-way between them.
+    decrease = inner_contrast - outer_contrast
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.where(inner > outer, (inner - level) / (inner - outer), 0.5)
+        distance = np.where(decrease > 0, (inner_contrast - level) / decrease, 0.5)
     edge = top_rows - np.clip(distance, 0.0, 1.0)
     has_pile = mask[top_rows, columns] > 0
     return np.where(has_pile, edge, np.nan)

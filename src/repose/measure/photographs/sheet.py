@@ -1,8 +1,9 @@
 """Find and draw the printed sheet, which gives a photograph scale, tilt and lens.
 
-It is a chessboard with markers (ChArUco). It stands upright with its lower edge on the
-plate, in the plane of the pile's crest, and faces the camera. Positions on it are (x,
-z) in millimetres from its lower left corner.
+The sheet is a target for calibrating cameras: a chessboard with markers (ChArUco) and a
+white margin. It stands upright with its lower edge on the plate, in the plane of the
+pile's crest, and faces the camera. Positions on it are (x, z) in millimetres from the
+lower left corner of its margin.
 """
 
 from dataclasses import dataclass
@@ -15,19 +16,22 @@ SQUARE_MM = 20.0
 COLUMNS = 6
 ROWS = 8
 MARKER_FRACTION = 0.75  # side of a marker over the side of a square
-MARGIN_SHARE = 0.5  # width of the white margin over the side of a square
-MIN_CORNERS = 8
+MARGIN_FRACTION = 0.5  # width of the white margin over the side of a square
+MIN_CORNERS = 8  # fewest corners from which the pose of a camera is computed
+# The corners found must extend over this number of squares in width and in height.
+MIN_SPAN_SQUARES = 2
 PAGE_MM = (210.0, 297.0)  # A4
 MM_PER_INCH = 25.4
 WHITE = 255
 
-# Layout of the page, in mm from its lower edge
+# Layout of the page: distances in mm from its lower edge
 SHEET_BOTTOM_MM = 60.0
 CUTTING_TEXT_MM = 54.0
 CHECK_TEXT_MM = 43.0
 CHECK_LINE_MM = 40.0
-TITLE_ABOVE_SHEET_MM = 4.0
-CHECK_MM = 100.0  # length of the line that shows whether the printer scaled the page
+TITLE_ABOVE_SHEET_MM = 4.0  # from the upper edge of the sheet
+# Length of the check line, which shows whether the printer has scaled the page
+CHECK_MM = 100.0
 
 
 @dataclass(frozen=True)
@@ -47,8 +51,8 @@ class SheetCorners:
 
 def compute_size_mm(square_mm: float = SQUARE_MM) -> tuple[float, float]:
     """Compute width and height of the cut-out sheet from the side of its squares."""
-    width = (COLUMNS + 2 * MARGIN_SHARE) * square_mm
-    height = (ROWS + 2 * MARGIN_SHARE) * square_mm
+    width = (COLUMNS + 2 * MARGIN_FRACTION) * square_mm
+    height = (ROWS + 2 * MARGIN_FRACTION) * square_mm
     return width, height
 
 
@@ -66,7 +70,7 @@ def find_sheet(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners 
     -------
     SheetCorners or None
         The visible corners of squares. None if there are fewer than `MIN_CORNERS`, or
-        if nearly all of them lie on one line.
+        if they lie close to one row or one column of the board.
     """
     board = _make_board(square_mm)
     parameters = cv2.aruco.CharucoParameters()
@@ -79,12 +83,13 @@ def find_sheet(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners 
     if indices is None or len(indices) < MIN_CORNERS:
         return None
     board_corners = np.asarray(board.getChessboardCorners())[indices.ravel(), :2]
-    # Corners on one line would not determine the pose of the camera.
-    if np.ptp(board_corners, axis=0).min() < 2 * square_mm:
+    # Corners in one row or column would not determine the pose of the camera.
+    width_and_height = np.ptp(board_corners, axis=0)
+    if width_and_height.min() < MIN_SPAN_SQUARES * square_mm:
         return None
     # Convert positions on the board, whose y points down from its upper left corner, to
     # those on the sheet, whose z points up from the lower left corner of its margin.
-    margin = MARGIN_SHARE * square_mm
+    margin = MARGIN_FRACTION * square_mm
     x = margin + board_corners[:, 0]
     z = margin + ROWS * square_mm - board_corners[:, 1]
     pixels = corners.reshape(-1, 2).astype(float)
@@ -106,10 +111,12 @@ def draw_sheet(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> np.ndarr
     ndarray
         The picture (H, W), uint8.
     """
+    # The size includes the margin. The board fills the rest, and OpenCV draws it
+    # without a margin of its own.
     width_mm, height_mm = compute_size_mm(square_mm)
     width_px = round(width_mm * pixels_per_mm)
     height_px = round(height_mm * pixels_per_mm)
-    margin_px = round(MARGIN_SHARE * square_mm * pixels_per_mm)
+    margin_px = round(MARGIN_FRACTION * square_mm * pixels_per_mm)
     board_size = (width_px - 2 * margin_px, height_px - 2 * margin_px)
     board = _make_board(square_mm).generateImage(board_size)
     return np.pad(board, margin_px, constant_values=WHITE)
@@ -170,22 +177,25 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
     axes.plot(ends, [CHECK_LINE_MM, CHECK_LINE_MM], "k|-", linewidth=0.7)
 
     # Write the instructions.
-    check = (
-        f"{CHECK_MM:g} mm: check with a ruler. If it is not, print at 100 % or give "
-        "--square-mm"
-    )
-    cut = (
-        "cut along this line: this edge stands on the plate, beside the pile, level "
-        "with its crest"
-    )
-    title = f"repose: squares of {square_mm:g} mm; glue it to a flat board"
-    for height_on_page, text in (
-        (CHECK_TEXT_MM, check),
-        (CUTTING_TEXT_MM, cut),
-        (top + TITLE_ABOVE_SHEET_MM, title),
-    ):
+    def write(text: str, height_on_page: float) -> None:
         axes.text(middle, height_on_page, text, ha="center", fontsize=8)
 
+    write(
+        f"{CHECK_MM:g} mm: check this line with a ruler. If its length is different, "
+        "print at 100 % or give --square-mm",
+        CHECK_TEXT_MM,
+    )
+    write(
+        "cut along this line: this edge stands on the plate, beside the pile, level "
+        "with its crest",
+        CUTTING_TEXT_MM,
+    )
+    write(
+        f"repose: squares of {square_mm:g} mm; glue the sheet to a flat board",
+        top + TITLE_ABOVE_SHEET_MM,
+    )
+
+    # Without a date in it, the file is the same in each call.
     stream = io.BytesIO()
     figure.savefig(stream, format="pdf", metadata={"CreationDate": None})
     return stream.getvalue()

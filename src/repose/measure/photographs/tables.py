@@ -22,7 +22,8 @@ DECIMALS_OF_GEOMETRY = 5  # of a scale or a tilt in the table of photographs
 DECIMALS_OF_STATISTICS = 3
 TARGETED_NUMBERS = ("aor_deg", "height_mm")  # numbers that become targets
 TARGETS_FILE = "targets.yaml"
-# Settings of the line that are written beside the targets
+# Settings of the line whose slope is the angle. They are written above the targets,
+# because a study must measure its piles by the same line.
 LINE_SETTINGS = ("response", "fit_from", "fit_to", "flank", "smallest_window")
 NO_SCATTER_NOTE = (
     "one pile gives no scatter: photograph more piles, or fill in sd and range in "
@@ -36,13 +37,13 @@ class Tables(NamedTuple):
     Attributes
     ----------
     photographs : DataFrame
-        A row for each photograph. A refused photograph has empty cells, and the reason
+        A row for each photograph. A rejected photograph has empty cells, and the reason
         in the column `refused`.
     summary : DataFrame
         A row for each measured number, with the columns response (its name), value (the
         mean), sd (the standard deviation) and repetitions (the number of photographs).
     doubtful : bool
-        Whether the summary includes doubtful photographs.
+        Whether the summary includes doubtful photographs, which have a warning.
     """
 
     photographs: pd.DataFrame
@@ -62,7 +63,7 @@ def make_tables(
     settings : MeasureSettings
         Settings of the measurement.
     doubtful : bool
-        Whether the summary includes photographs with a doubt.
+        Whether the summary includes doubtful photographs, which have a warning.
 
     Returns
     -------
@@ -71,7 +72,7 @@ def make_tables(
     """
     rows = [_make_row(photograph, settings) for photograph in measured]
     table = pd.DataFrame(rows)
-    is_counted = [doubtful or not photograph.doubts for photograph in measured]
+    is_counted = [doubtful or not photograph.warnings for photograph in measured]
     counted_rows = table[is_counted]
     summary = summarise_columns(counted_rows, (*TARGETED_NUMBERS, *MEAN_KEYS.values()))
     return Tables(table, summary, doubtful)
@@ -83,14 +84,16 @@ def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, An
     Parameters
     ----------
     photograph : Photograph
-        The result. A refused photograph has no measured numbers.
+        The result. A rejected photograph has no measured numbers.
     settings : MeasureSettings
-        Settings of the measurement. Their height of a grain is written to a column.
+        Settings of the measurement. Their height of a grain is written to the column
+        ``grain_mm``.
 
     Returns
     -------
     dict
-        The cells by column.
+        The cells by column. The column ``refused`` has the reason why the photograph
+        was rejected, and ``note`` has its remarks, which are its note and its warnings.
     """
     row: dict[str, Any] = {"photograph": photograph.path.name}
     if photograph.measurement is not None:
@@ -98,7 +101,7 @@ def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, An
     for name, value in photograph.geometry.items():
         row[name] = round(value, DECIMALS_OF_GEOMETRY)
     row["grain_mm"] = settings.berry_height_mm
-    row["refused"] = photograph.refusal_reason
+    row["refused"] = photograph.rejection_reason
     row["note"] = photograph.remarks
     return row
 
@@ -140,7 +143,8 @@ def write_tables(
 ) -> None:
     """Write photographs.csv, summary.csv and, if there is a mean, targets.yaml.
 
-    Without a mean, a targets.yaml from an earlier call is removed.
+    If there is no mean, a targets.yaml from an earlier call is removed, because it
+    belongs to other results.
 
     Parameters
     ----------
@@ -153,7 +157,8 @@ def write_tables(
     bench : str
         Name of the bench test to which the targets belong.
     responses : mapping
-        Name of the bench test's response for each number that becomes a target.
+        Measured numbers that become targets, such as ``height_mm``, and the name that
+        the bench test gives to each.
     """
     write_table(out / "photographs.csv", results.photographs)
     write_table(out / "summary.csv", results.summary)
@@ -170,8 +175,9 @@ def format_targets(
     """Format the measured responses as targets in the YAML of a configuration.
 
     The range of a target follows from its mean and its standard error
-    (`compute_target_range`). A single pile has no scatter, so its standard deviation
-    and range are null, and a study refuses them until the user fills in values.
+    (`compute_target_range`). A single pile has no standard deviation. Its standard
+    deviation and range are then null, and a study rejects the file until the user fills
+    in values.
 
     Parameters
     ----------
@@ -182,19 +188,22 @@ def format_targets(
     bench : str
         Name of the bench test to which the targets belong.
     responses : mapping
-        Name of the bench test's response for each number that becomes a target.
+        Measured numbers that become targets, such as ``height_mm``, and the name that
+        the bench test gives to each.
 
     Returns
     -------
     str
         The sections `measure` and `targets` of the configuration.
     """
+    # `berry_height_mm` is the key for the height of a grain of any crop.
     measure_entries = [f"{key}: {getattr(settings, key)}" for key in LINE_SETTINGS]
     if settings.berry_height_mm is not None:
         measure_entries.append(f"berry_height_mm: {settings.berry_height_mm:.6g}")
+    measure_section = "{" + ", ".join(measure_entries) + "}"
     lines = [
-        "# Measured on photographs; summary.csv lies beside it.",
-        f"measure: {{{', '.join(measure_entries)}}} # the line: {line_of(settings)}",
+        "# Measured on photographs; summary.csv is in the same folder.",
+        f"measure: {measure_section} # the line of the angle: {line_of(settings)}",
         "targets:",
     ]
     is_target = results.summary["response"].isin(list(responses))
@@ -209,7 +218,8 @@ def _format_target(row: Any, bench: str, response: str) -> list[str]:
     Parameters
     ----------
     row : namedtuple
-        A row of the summary: value, sd and repetitions.
+        A row of the summary, from `DataFrame.itertuples`: value (the mean), sd (NaN for
+        a single pile) and repetitions.
     bench : str
         Name of the bench test to which the target belongs.
     response : str
@@ -221,8 +231,9 @@ def _format_target(row: Any, bench: str, response: str) -> list[str]:
         The lines of YAML.
     """
     if math.isnan(row.sd):
+        # A comment in YAML tells the user what to fill in.
         sd = "null # one pile gives no scatter"
-        target_range = "[null, null] # what counts as met"
+        target_range = "[null, null] # the values at which the target counts as met"
     else:
         low, high = compute_target_range(row.value, row.sd, row.repetitions)
         sd = f"{row.sd:.3f}"
@@ -267,13 +278,14 @@ def describe_results(
     Parameters
     ----------
     photographs : sequence of Photograph
-        The results.
+        The measured and the rejected photographs.
     results : Tables
-        The tables of these results.
+        The tables of these photographs.
     settings : MeasureSettings
         Settings of the measurement.
     out : Path
-        The folder that contains the overlays.
+        Output folder. It contains the targets and the overlays, which are the
+        photographs with the lines drawn into them.
 
     Returns
     -------
@@ -288,7 +300,7 @@ def describe_results(
     lines.append(f"height of a grain: {grain}")
     lines += _list_notes(photographs, results)
     if results.summary.empty:
-        targets = "no targets: no photograph counts"
+        targets = "no targets, because no photograph counts"
     else:
         targets = f"the targets of a study: {out / TARGETS_FILE}"
     lines.append(f"look at the overlays in {out}; {targets}")
@@ -298,15 +310,16 @@ def describe_results(
 def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]:
     """List the notes on the numbers, each once and on its own line.
 
-    They say whether standard deviations are missing because there is a single pile,
-    repeat the notes of the photographs, and count the doubtful photographs.
+    There is a note if standard deviations are missing because there is a single pile.
+    The notes of the photographs follow, and then the number of doubtful photographs,
+    which are those with a warning.
 
     Parameters
     ----------
     photographs : sequence of Photograph
-        The results.
+        The measured and the rejected photographs.
     results : Tables
-        The tables of these results.
+        The tables of these photographs.
 
     Returns
     -------
@@ -318,10 +331,10 @@ def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]
         lines.append(NO_SCATTER_NOTE)
     notes = {photograph.note for photograph in photographs if photograph.note}
     lines += sorted(f"note: {note}" for note in notes)
-    n_doubtful = sum(bool(photograph.doubts) for photograph in photographs)
+    n_doubtful = sum(bool(photograph.warnings) for photograph in photographs)
     if n_doubtful > 0:
         if results.doubtful:
-            effect = "the mean counts them"
+            effect = "included in the mean"
         else:
             effect = "not in the mean; --doubtful counts them"
         lines.append(f"doubtful photographs: {n_doubtful}, {effect}")
@@ -329,14 +342,14 @@ def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]
 
 
 def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
-    """Describe each photograph on one line: its numbers, or why it was refused.
+    """Describe each photograph on one line: its numbers, or why it was rejected.
 
     Names are padded with spaces, so that the descriptions are aligned.
 
     Parameters
     ----------
     photographs : sequence of Photograph
-        The results, at least one.
+        The measured and the rejected photographs, at least one.
 
     Returns
     -------
@@ -347,16 +360,16 @@ def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
     lines = []
     for photograph in photographs:
         if photograph.measurement is None:
-            text = f"refused: {photograph.refusal_reason}"
+            text = f"refused: {photograph.rejection_reason}"
         else:
             numbers = _describe_measurement(photograph.measurement)
-            text = "; ".join([*numbers, *photograph.doubts])
+            text = "; ".join([*numbers, *photograph.warnings])
         lines.append(f"{photograph.path.name:<{name_width}}  {text}")
     return lines
 
 
 def _describe_measurement(measurement: Measurement) -> list[str]:
-    """Describe a measured pile: its angles, its Height, and why angles are missing."""
+    """Describe a measured pile: its angles, its height, and why angles are missing."""
     numbers = (
         f"left {measurement.angle.left_deg:.2f} deg, "
         f"right {measurement.angle.right_deg:.2f} deg, "
@@ -372,9 +385,10 @@ def _describe_measurement(measurement: Measurement) -> list[str]:
 
 
 def _describe_means(results: Tables, settings: MeasureSettings) -> list[str]:
-    """Describe the mean Height and the mean angle by each definition, one line each.
+    """Describe the mean height and the mean angle by each definition, one line each.
 
-    A line gives the mean, the standard deviation and the number of photographs.
+    A line gives the mean, the standard deviation and the number of photographs. The
+    angle that is calibrated is marked.
 
     Parameters
     ----------
@@ -386,19 +400,21 @@ def _describe_means(results: Tables, settings: MeasureSettings) -> list[str]:
     Returns
     -------
     list of str
-        The lines. A quantity that could not be measured in any photograph has none.
+        The lines. There is none for a quantity that could not be measured in any
+        photograph.
     """
+    # Name in the description, row of the summary, unit
     quantities = [("Height", "height_mm", "mm")]
     for definition in DEFINITIONS:
         quantities.append((definition, MEAN_KEYS[definition], "deg"))
     summary = results.summary.set_index("response")
     lines = []
     for name, column, unit in quantities:
-        # The summary lacks a quantity that could not be measured in any photograph.
         if column not in summary.index:
             continue
         row = summary.loc[column]
         sd = "not known" if math.isnan(row.sd) else f"{row.sd:.2f}"
+        # The response is the definition of the calibrated angle.
         mark = "  <- angle of repose" if name == settings.response else ""
         lines.append(
             f"{name:>10}: {row.value:.2f} {unit}, {sd}, {row.repetitions:.0f}{mark}"

@@ -80,7 +80,7 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
     grains = Grains.of(pour, particle)
-    height_m, views = pile.draw_views(grains, settings, pour["in_pile"])
+    height_m, views = pile.prepare_views(grains, settings, pour["in_pile"])
     profiles = [pile.find_profile(view) for view in views]
     measured = pile.measure_profiles(profiles, height_m, settings)
     outlines = [_center_outline(profile, settings) for profile, _ in profiles]

@@ -215,7 +215,7 @@ def _draw_and_measure_state(
         silhouette,
         inside.radius_m,
         mm_per_pixel=mm_per_pixel,
-        fit_share=settings.fit_share,
+        fit_fraction=settings.fit_share,
     )
     _draw_surface(panel, surface.line_m, camera)
     panel.set(xticks=[], yticks=[])

@@ -1,8 +1,8 @@
-"""List doubts about a measured photograph: signs that it does not show a single pile.
+"""Check whether a measured photograph plausibly shows a single pile.
 
-A doubt is a sentence for the user. A photograph with a doubt is measured, but by
-default it does not count in the mean. Worse signs raise NoFlankError, which refuses the
-photograph.
+Each sign against it is a warning, a sentence for the user. A photograph with a warning
+is called doubtful: it is measured, but by default it does not count in the mean. Worse
+signs raise NoFlankError, which rejects the photograph.
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 
 from repose.common.errors import NoFlankError
 from repose.measure.outline_shape import (
-    DOUBT,
+    DOUBTFUL,
     PileSize,
     measure_drop,
     measure_rise,
@@ -25,9 +25,11 @@ from repose.measure.pile import LOWEST_PILE_GRAINS, find_profile
 from repose.measure.results import Measurement
 
 BASE_ROW_ADVICE = "give --base-row, the row of the plate, or show the printed sheet"
+# Reason why a base is rejected. `part` is the part of the pile above the lowest row.
 LOW_BASE_REASON = (
-    "its lowest row lies {depth:.1%} of its height below its {part}: a shadow at the "
-    "foot, or the camera looks down on it or is rolled (--length makes a line level); "
+    "the pile's lowest row lies {depth:.1%} of its height below its {part}: there is a "
+    "shadow at the foot, or the camera looks down on the pile or is rolled (--length "
+    "makes a line level); "
     f"{BASE_ROW_ADVICE}"
 )
 
@@ -36,8 +38,8 @@ MIN_HEIGHT_PX = 80  # of a pile: the angle of a lower one is off by up to 1.5 de
 TYPICAL_PILE_GRAINS = 8  # height of a pile in grains, if the size of these is unknown
 
 # Heights at which the lines of both flanks may meet, in heights of the pile
-LOWEST_MEETING = 0.7
-HIGHEST_MEETING = 1.3
+LOWEST_APEX = 0.7
+HIGHEST_APEX = 1.3
 
 # Limits of a base that was found without the sheet
 LARGEST_SHADOW_GRAINS = 0.3  # height of the shadow below the grains
@@ -48,10 +50,11 @@ WIDEST_FRACTION = (
 # The end of a row of round grains is upright over less than this height.
 LARGEST_UPRIGHT_GRAINS = 0.75
 LARGEST_UPRIGHT_PX = 12
+END_PX = 2  # a row ends upright if it reaches within this distance of the outermost end
 SMALLEST_STRIP_PX = 4  # height of the strip below the base that is compared
-# Largest difference in tones between the strip below the pile and that beside it, if
-# both show a plate
-SMALLEST_STEP = 30
+# If both show a plate, the colours of the strip below the pile and of the strip beside
+# it differ by at most this number of tones in each channel.
+LARGEST_PLATE_DIFFERENCE = 30
 LARGEST_SHADOW_FRACTION = 0.03  # of a pile that differs in colour from the background
 
 
@@ -68,10 +71,10 @@ def estimate_grain_mm(height_mm: float) -> float:
     return height_mm / TYPICAL_PILE_GRAINS
 
 
-def list_doubts_of_pile(
+def list_pile_warnings(
     pile: Segmentation, measurement: Measurement, grain_mm: float, mm_per_pixel: float
 ) -> list[str]:
-    """List doubts about whether a photograph shows a single pile in enough pixels.
+    """List the signs that a photograph shows no single pile, or shows it too coarsely.
 
     Parameters
     ----------
@@ -87,36 +90,38 @@ def list_doubts_of_pile(
     Returns
     -------
     list of str
-        A sentence for each doubt. The list is empty if there is none.
+        A sentence for each warning, which begins with `DOUBTFUL`. The list is empty if
+        there is none.
 
     Raises
     ------
     NoFlankError
-        If the grains form a layer instead of a pile.
+        If the grains form a layer, which is too low to have a measurable slope.
     """
     height_mm = measurement.height_mm
     if height_mm < LOWEST_PILE_GRAINS * grain_mm:
         raise NoFlankError(
-            f"it is {height_mm / grain_mm:.1f} grains high, less than "
+            f"the pile is {height_mm / grain_mm:.1f} grains high, less than "
             f"{LOWEST_PILE_GRAINS:g}: a layer, not a pile"
         )
 
     profile, crest = find_profile(pile)
     sides = split_sides(profile, crest)
     size = PileSize(height_mm, grain_mm, mm_per_pixel)
-    doubts = [
-        _find_rise_doubt(sides, size),
-        _find_drop_doubt(sides, size),
-        _find_flank_doubt(measurement, pile.base_row, mm_per_pixel),
+    # Each of these functions returns an empty string if it has no warning.
+    warnings = [
+        _make_rise_warning(sides, size),
+        _make_drop_warning(sides, size),
+        _make_flank_warning(measurement, pile.base_row, mm_per_pixel),
     ]
     if pile.has_neighbour:
-        doubts.append(f"{DOUBT}: another pile stands beside it")
-    doubts.append(_find_resolution_doubt(measurement, mm_per_pixel))
-    return [doubt for doubt in doubts if doubt]
+        warnings.append(f"{DOUBTFUL}: another pile stands beside it")
+    warnings.append(_make_resolution_warning(measurement, mm_per_pixel))
+    return [warning for warning in warnings if warning]
 
 
-def _find_rise_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
-    """Find out whether the outline of the pile rises again away from the crest.
+def _make_rise_warning(sides: Sequence[np.ndarray], size: PileSize) -> str:
+    """Return a warning if the outline of the pile rises again away from the crest.
 
     Parameters
     ----------
@@ -128,19 +133,19 @@ def _find_rise_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
     Returns
     -------
     str
-        The doubt; empty if there is none.
+        The warning; empty if there is none.
     """
     rise_mm = measure_rise(sides, size)
     if rise_mm <= size.largest_rise_mm:
         return ""
     return (
-        f"{DOUBT}: away from its crest the outline rises by "
-        f"{rise_mm / size.height_mm:.0%} of the Height, as with two piles"
+        f"{DOUBTFUL}: away from its crest the outline rises by "
+        f"{rise_mm / size.height_mm:.0%} of the pile's height, as with two piles"
     )
 
 
-def _find_drop_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
-    """Find out whether the outline of the pile falls steeply within half a grain.
+def _make_drop_warning(sides: Sequence[np.ndarray], size: PileSize) -> str:
+    """Return a warning if the outline of the pile falls steeply within half a grain.
 
     Parameters
     ----------
@@ -152,21 +157,21 @@ def _find_drop_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
     Returns
     -------
     str
-        The doubt; empty if there is none.
+        The warning; empty if there is none.
     """
     drop_mm = measure_drop(sides, size)
     if drop_mm <= size.largest_drop_mm:
         return ""
     return (
-        f"{DOUBT}: the outline falls by {drop_mm / size.height_mm:.0%} of the Height at "
-        "once, as with a box behind the pile"
+        f"{DOUBTFUL}: the outline falls by {drop_mm / size.height_mm:.0%} of the "
+        "pile's height at once, as with a box behind the pile"
     )
 
 
-def _find_flank_doubt(
+def _make_flank_warning(
     measurement: Measurement, base_row: float, mm_per_pixel: float
 ) -> str:
-    """Find out whether the lines of both flanks meet near the crest.
+    """Return a warning if the lines of both flanks do not meet near the crest.
 
     Parameters
     ----------
@@ -180,48 +185,52 @@ def _find_flank_doubt(
     Returns
     -------
     str
-        The doubt. It is empty if the lines meet near the crest, or if no lines were
+        The warning. It is empty if the lines meet near the crest, or if no lines were
         fitted to the flanks.
     """
     flank = measurement.angles.get("flank")
     if flank is None:
         return ""
-    # The lines of a cone meet at its crest. If the top is level, they meet above it.
+    # The lines of a cone meet at its apex. If the top of the pile is level, they meet
+    # above it.
     height_mm = measurement.height_mm
-    meeting_mm = _compute_meeting_height(flank.lines, base_row) * mm_per_pixel
-    if LOWEST_MEETING * height_mm < meeting_mm < HIGHEST_MEETING * height_mm:
+    apex_mm = _compute_apex_height(flank.lines, base_row) * mm_per_pixel
+    if LOWEST_APEX * height_mm < apex_mm < HIGHEST_APEX * height_mm:
         return ""
-    if meeting_mm > height_mm:
+    if apex_mm > height_mm:
         cause = "its top is level"
     else:
-        cause = "something else stands behind it"
+        cause = "something else stands behind it and raises the outline"
     return (
-        f"{DOUBT}: the lines of its flanks meet at {meeting_mm / height_mm:.0%} of the "
-        f"Height: {cause}"
+        f"{DOUBTFUL}: the lines of its flanks meet at {apex_mm / height_mm:.0%} of the "
+        f"pile's height: {cause}"
     )
 
 
-def _find_resolution_doubt(measurement: Measurement, mm_per_pixel: float) -> str:
-    """Return a doubt if the pile is too few pixels high, otherwise an empty string."""
+def _make_resolution_warning(measurement: Measurement, mm_per_pixel: float) -> str:
+    """Return a warning if the pile is too few pixels high, else an empty string."""
     height_px = math.floor(measurement.height_mm / mm_per_pixel)
     if height_px >= MIN_HEIGHT_PX:
         return ""
     angle_error = _compute_angle_error(measurement)
     return (
-        f"{DOUBT}: the photograph is too coarse: the pile is {height_px} pixels high, "
-        f"at least {MIN_HEIGHT_PX} are needed; the angle may be off by {angle_error:.1f} "
-        "degrees, the Height by 2 pixels"
+        f"{DOUBTFUL}: the photograph is too coarse: the pile is {height_px} pixels "
+        f"high, at least {MIN_HEIGHT_PX} are needed; the angle may be off by "
+        f"{angle_error:.1f} degrees, and the height by 2 pixels"
     )
 
 
 def _compute_angle_error(measurement: Measurement) -> float:
-    """Compute the error of the angle [degrees] if one end of a line is a pixel off."""
-    (_, lower_row), (_, upper_row) = measurement.angle.lines[0]
+    """Compute the change of the angle [degrees] if a line rises by 2 pixels more."""
+    left_line, _ = measurement.angle.lines
+    (_, lower_row), (_, upper_row) = left_line
+    # A line that rises by h over a width w has the angle a = atan(h / w), whose
+    # derivative by h is sin(2 a) / (2 h).
     sine = math.sin(2 * math.radians(measurement.aor_deg))
     return math.degrees(sine / abs(lower_row - upper_row))
 
 
-def _compute_meeting_height(lines: tuple, base_row: float) -> float:
+def _compute_apex_height(lines: tuple, base_row: float) -> float:
     """Compute the height over the plate at which the lines of both flanks meet.
 
     Parameters
@@ -245,20 +254,21 @@ def _compute_meeting_height(lines: tuple, base_row: float) -> float:
     return base_row - (row1 + slope * offset / (slope - other_slope))
 
 
-def require_foot(
+def require_visible_foot(
     image: np.ndarray, pile: Segmentation, grain_mm: float | None, mm_per_pixel: float
 ) -> None:
-    """Check that the lowest rows of a pile show its foot.
+    """Raise NoFlankError if the lowest rows of a pile do not show its foot.
 
     In a photograph without the printed sheet, these rows may instead show a shadow, or
-    the near rim of a pile if the camera looks down on it.
+    the near rim of a pile if the camera looks down on it. The base would then be found
+    too low.
 
     Parameters
     ----------
     image : ndarray
         The picture (H, W, 3), BGR, or (H, W).
     pile : Segmentation
-        The pile found in it.
+        The pile found in it; its mask is not empty.
     grain_mm : float or None
         Height of a grain. If it is None, it is estimated (`estimate_grain_mm`).
     mm_per_pixel : float
@@ -276,7 +286,7 @@ def require_foot(
             "give --base-row, the row of the plate"
         )
     widths = pile.mask.sum(axis=1, dtype=int)
-    rows = np.flatnonzero(widths)
+    rows = np.flatnonzero(widths)  # rows of the pile, from top to bottom
     if grain_mm is None:
         grain_mm = estimate_grain_mm(rows.size * mm_per_pixel)
     grain_px = grain_mm / mm_per_pixel
@@ -288,7 +298,8 @@ def require_foot(
         raise NoFlankError(LOW_BASE_REASON.format(depth=depth, part=part))
 
     # If the camera looks down on the pile, the lowest rows show its near rim, which is
-    # narrower than the rows above. Count the rows below the lowest of the widest rows.
+    # narrower than the rows above. So the rim lies below all rows that are about as
+    # wide as the widest one.
     is_widest = widths[rows] >= WIDEST_FRACTION * widths.max()
     lowest_widest_row = rows[np.flatnonzero(is_widest)[-1]]
     n_rim_rows = rows[-1] - lowest_widest_row
@@ -297,10 +308,12 @@ def require_foot(
         raise NoFlankError(LOW_BASE_REASON.format(depth=depth, part="widest row"))
 
 
-def list_doubts_of_base(
+def list_base_warnings(
     image: np.ndarray, pile: Segmentation, grain_px: float
 ) -> list[str]:
-    """List doubts about the base and the flanks of a pile found without the sheet.
+    """List signs that something else was taken for a part of a pile, without the sheet.
+
+    It may be a plate or ruler at the foot, the surface below the base, or a shadow.
 
     Parameters
     ----------
@@ -314,42 +327,45 @@ def list_doubts_of_base(
     Returns
     -------
     list of str
-        A sentence for each doubt. The list is empty if there is none.
+        A sentence for each warning, which begins with `DOUBTFUL`. The list is empty if
+        there is none.
     """
     rows = np.flatnonzero(pile.mask.any(axis=1))
+    # In a row of the mask, argmax returns the first pixel of the pile. Its column is
+    # the width of the margin before it.
     margins = _Margins(
         rows=rows,
         left=pile.mask[rows].argmax(axis=1),
         right=pile.mask[rows, ::-1].argmax(axis=1),
     )
-    doubts = []
+    warnings = []
 
     n_upright_rows = max(
         _count_upright_rows(margins.left), _count_upright_rows(margins.right)
     )
     if n_upright_rows > max(LARGEST_UPRIGHT_GRAINS * grain_px, LARGEST_UPRIGHT_PX):
-        doubts.append(
-            f"{DOUBT}: an end of its foot is upright over {n_upright_rows} pixels, as with "
-            f"a plate or a ruler: {BASE_ROW_ADVICE}"
+        warnings.append(
+            f"{DOUBTFUL}: an end of the pile's foot is upright over {n_upright_rows} "
+            f"pixels, as with a plate or a ruler: {BASE_ROW_ADVICE}"
         )
 
-    if _continues_below(image, pile, margins, grain_px):
-        doubts.append(
-            f"{DOUBT}: below its base the picture has the pile's colour, not "
-            f"that of a plate: {BASE_ROW_ADVICE}"
+    if _pile_continues_below_base(image, pile, margins, grain_px):
+        warnings.append(
+            f"{DOUBTFUL}: below the base of the pile the picture has the pile's "
+            f"colour, not that of a plate: {BASE_ROW_ADVICE}"
         )
 
     shadow_fraction = finding.compute_shadow_fraction(image, pile.mask)
     if shadow_fraction > LARGEST_SHADOW_FRACTION:
-        doubts.append(
-            f"{DOUBT}: {100 * shadow_fraction:.0f} % of it is darker background, as with a "
-            "shadow on what stands behind"
+        warnings.append(
+            f"{DOUBTFUL}: {100 * shadow_fraction:.0f} % of the pile is darker "
+            "background, as with a shadow on what stands behind"
         )
-    return doubts
+    return warnings
 
 
 def _count_upright_rows(margin: np.ndarray) -> int:
-    """Count the rows in which a pile ends within 2 pixels of its outermost end.
+    """Count the rows in which a pile nearly reaches its outermost end on one side.
 
     At the end of a pile of grains there are only few such rows. Many of them mean that
     the end is an upright edge.
@@ -365,16 +381,16 @@ def _count_upright_rows(margin: np.ndarray) -> int:
     int
         The number of rows.
     """
-    return int((margin <= margin.min() + 2).sum())
+    return int((margin <= margin.min() + END_PX).sum())
 
 
-def _continues_below(
+def _pile_continues_below_base(
     image: np.ndarray, pile: Segmentation, margins: _Margins, grain_px: float
 ) -> bool:
-    """Tell whether the picture below the base has the pile's colour.
+    """Tell whether the pile seems to continue below the base, so the base is too high.
 
-    The colour below the middle of the foot is compared with that of the grains, and
-    with that beside the foot in the same rows.
+    The colour below the middle of the foot is compared with the colour of the grains,
+    and with the colour beside the foot in the same rows.
 
     Parameters
     ----------
@@ -390,12 +406,12 @@ def _continues_below(
     Returns
     -------
     bool
-        True if the colour below the base is closer to that of the grains than to that
-        beside the foot, and clearly differs from the latter.
+        True if the colour below the base clearly differs from the colour beside the
+        foot, and is closer to the colour of the grains.
     """
     # Select a strip below the base. It is about a grain high, and begins 2 rows below
     # the base, away from the edge of the pile.
-    channels = image.reshape(*image.shape[:2], -1)
+    channels = image.reshape(*image.shape[:2], -1)  # (H, W, 1) or (H, W, 3)
     first_row = math.ceil(pile.base_row) + 2
     n_rows = max(SMALLEST_STRIP_PX, round(grain_px))
     strip = channels[first_row : first_row + n_rows]
@@ -407,10 +423,11 @@ def _continues_below(
     if beside_foot.size == 0:
         return False
 
-    # Select the middle third of the foot, and the grains above it.
+    # Select the middle third of the columns of the pile in a row at two thirds of its
+    # height from the top, and the grains of the lower half in these columns.
     rows = margins.rows
-    foot_row = rows[0] + 2 * len(rows) // 3
-    columns = np.flatnonzero(pile.mask[foot_row])
+    low_row = rows[0] + 2 * len(rows) // 3
+    columns = np.flatnonzero(pile.mask[low_row])
     middle = slice(columns[len(columns) // 3], columns[2 * len(columns) // 3] + 1)
     grains = channels[rows[len(rows) // 2] : rows[-1], middle]
 
@@ -423,5 +440,5 @@ def _continues_below(
     difference_from_grains = np.abs(colour_below - grain_colour).max()
     return bool(
         difference_from_grains < difference_from_sides
-        and difference_from_sides > SMALLEST_STEP
+        and difference_from_sides > LARGEST_PLATE_DIFFERENCE
     )
