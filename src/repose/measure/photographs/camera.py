@@ -109,6 +109,32 @@ class Extent(NamedTuple):
     top: float
 
 
+class _PixelGrid(NamedTuple):
+    """The pixels of a side view, and their positions in its plane."""
+
+    n_rows: int
+    n_columns: int
+    mm_per_pixel: float
+    base_row: float  # row of the plate
+    left_mm: float  # distance of the first column from the origin of the plane
+
+    @property
+    def along_mm(self) -> np.ndarray:
+        """Distance (W,) of each column from the origin of the plane, to the right."""
+        return self.left_mm + self.mm_per_pixel * np.arange(self.n_columns)
+
+    @property
+    def up_mm(self) -> np.ndarray:
+        """Height (H,) of each row over the plate."""
+        return self.mm_per_pixel * (self.base_row - np.arange(self.n_rows))
+
+    def convert_to_pixels(self, points_mm: np.ndarray) -> np.ndarray:
+        """Convert positions (N, 2), along the plane and up, to columns and rows."""
+        columns = (points_mm[:, 0] - self.left_mm) / self.mm_per_pixel
+        rows = self.base_row - points_mm[:, 1] / self.mm_per_pixel
+        return np.column_stack([columns, rows])
+
+
 class Plane(NamedTuple):
     """A vertical plane of the world."""
 
@@ -607,40 +633,51 @@ def rectify_photograph(
             top=min(extent.top, crop.top),
         )
 
-    # The view is as fine as the photograph, unless a side would become too long.
+    pixels_per_mm = _measure_resolution(pose, plane)
+    grid = _choose_grid(extent, pixels_per_mm, longest_side_px)
+
+    # Find where the photograph shows each pixel of the view, and take the colour there.
+    points = plane.compute_points(grid.along_mm, grid.up_mm)
+    source_pixels = pose.project(points).astype(np.float32)
+    reduction = grid.mm_per_pixel * pixels_per_mm
+    is_outside = _mark_outside(source_pixels, pose.size)
+    return SideView(
+        image=_take_colours(image, source_pixels, reduction),
+        hidden=is_outside | _mark_behind_sheet(pose, plane, grid),
+        mm_per_pixel=grid.mm_per_pixel,
+        base_row=grid.base_row,
+        left_mm=grid.left_mm,
+    )
+
+
+def _choose_grid(
+    extent: Extent, pixels_per_mm: float, longest_side_px: int
+) -> _PixelGrid:
+    """Choose the pixels of a side view.
+
+    The view is as fine as the photograph, unless a side would have too many pixels.
+
+    Parameters
+    ----------
+    extent : Extent
+        Borders of the view.
+    pixels_per_mm : float
+        Number of pixels of the photograph that show 1 mm.
+    longest_side_px : int
+        Largest number of pixels of a side.
+    """
     width_mm = extent.right - extent.left
     height_mm = extent.top + STRIP_BELOW_PLATE_MM
-    pixels_per_mm = _measure_resolution(pose, plane)
     mm_per_pixel = float(
         max(1 / pixels_per_mm, width_mm / longest_side_px, height_mm / longest_side_px)
     )
-    n_columns = math.ceil(width_mm / mm_per_pixel)
     n_rows = math.ceil(height_mm / mm_per_pixel)
-    # The last row has the number n_rows - 1, and shows the lower end of the strip.
-    base_row = n_rows - 1 - STRIP_BELOW_PLATE_MM / mm_per_pixel
-
-    # Find where the photograph shows each pixel of the view, and take the colour there.
-    along_mm = extent.left + mm_per_pixel * np.arange(n_columns)
-    up_mm = mm_per_pixel * (base_row - np.arange(n_rows))
-    pixels = pose.project(plane.compute_points(along_mm, up_mm)).astype(np.float32)
-    view = _take_colours(image, pixels, reduction=mm_per_pixel * pixels_per_mm)
-
-    # Mark the pixels outside the photograph, and those that the sheet hides. Convert
-    # the corners of the sheet to columns and rows, and fill the polygon.
-    sheet_mm = _find_part_hidden_by_sheet(pose, plane)
-    sheet_px = np.column_stack(
-        [
-            (sheet_mm[:, 0] - extent.left) / mm_per_pixel,
-            base_row - sheet_mm[:, 1] / mm_per_pixel,
-        ]
-    )
-    sheet_mask = np.zeros((n_rows, n_columns), np.uint8)
-    cv2.fillPoly(sheet_mask, [np.rint(sheet_px).astype(np.int32)], 1)
-    return SideView(
-        image=view,
-        hidden=_mark_outside(pixels, pose.size) | (sheet_mask > 0),
+    return _PixelGrid(
+        n_rows=n_rows,
+        n_columns=math.ceil(width_mm / mm_per_pixel),
         mm_per_pixel=mm_per_pixel,
-        base_row=base_row,
+        # The last row has the number n_rows - 1, and shows the lower end of the strip.
+        base_row=n_rows - 1 - STRIP_BELOW_PLATE_MM / mm_per_pixel,
         left_mm=extent.left,
     )
 
@@ -716,23 +753,24 @@ def _mark_outside(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     )
 
 
-def _find_part_hidden_by_sheet(pose: Pose, plane: Plane) -> np.ndarray:
-    """Find the part of a plane that the sheet and a strip around it hide.
-
-    The sheet stands at y = 0, and the camera sees it in front of the plane.
+def _mark_behind_sheet(pose: Pose, plane: Plane, grid: _PixelGrid) -> np.ndarray:
+    """Mark the pixels of a view that the sheet and a strip around it hide.
 
     Parameters
     ----------
     pose : Pose
         The camera's pose.
     plane : Plane
-        The plane of a side view.
+        The plane of the view.
+    grid : _PixelGrid
+        The pixels of the view.
 
     Returns
     -------
     ndarray
-        Corners (4, 2) of that part in mm, along the plane and up.
+        Mask (H, W) of these pixels.
     """
+    # The sheet stands in the plane y = 0 of the world.
     width, height = pose.paper_mm
     margin = SHEET_MARGIN_FRACTION * width
     left = -margin
@@ -742,10 +780,14 @@ def _find_part_hidden_by_sheet(pose: Pose, plane: Plane) -> np.ndarray:
     corners = np.array(
         [[left, 0, bottom], [right, 0, bottom], [right, 0, top], [left, 0, top]]
     )
-    # Follow the rays from the camera through these corners to the plane.
+    # Follow the rays from the camera through these corners to the plane of the view,
+    # and fill the polygon between them.
     rays = corners - pose.position_mm
-    _, points = _intersect(pose.position_mm, rays, plane)
-    return points
+    _, points_mm = _intersect(pose.position_mm, rays, plane)
+    polygon = np.rint(grid.convert_to_pixels(points_mm)).astype(np.int32)
+    mask = np.zeros((grid.n_rows, grid.n_columns), np.uint8)
+    cv2.fillPoly(mask, [polygon], 1)
+    return mask > 0
 
 
 def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:

@@ -323,11 +323,39 @@ def refine_pile(
     mask = _remove_loose_grains(mask, grain_px)
     require_upright(mask)
 
+    # The roughness already has its own gain.
+    weights = np.ones(3, np.float32) if by_roughness else EQUAL_GAIN_WEIGHTS
+    return RefinedPile(
+        pile=_make_segmentation(view, mask, pile_fraction),
+        faint_fraction=_compute_faint_fraction(features, mask, near_px, weights),
+    )
+
+
+def _make_segmentation(
+    view: SideView, mask: np.ndarray, pile_fraction: np.ndarray
+) -> Segmentation:
+    """Combine what was found in a fine view to a `Segmentation`, as for a silhouette.
+
+    Parameters
+    ----------
+    view : SideView
+        The view.
+    mask : ndarray
+        Mask (H, W) of the pile in the rows above the plate.
+    pile_fraction : ndarray
+        Fraction (H, W) of the pile in each pixel of these rows.
+
+    Returns
+    -------
+    Segmentation
+        The pile in these rows.
+    """
+    n_rows = len(mask)
     grey = cv2.cvtColor(view.image[:n_rows], cv2.COLOR_BGR2GRAY)
-    is_background = (mask == 0) & ~hidden
-    # The code that measures the pile interpolates where the contrast equals the level.
-    # Here this is where a pixel shows equal fractions of pile and background.
-    pile = Segmentation(
+    is_background = (mask == 0) & ~view.hidden[:n_rows]
+    # The code that measures the pile finds its edge where the contrast equals the
+    # level. Here this is where a pixel shows equal fractions of pile and background.
+    return Segmentation(
         grey=grey,
         contrast=pile_fraction,
         level=HALF_FRACTION,
@@ -335,9 +363,6 @@ def refine_pile(
         base_row=view.base_row,
         is_darker=bool(grey[mask > 0].mean() < grey[is_background].mean()),
     )
-    # The roughness already has its own gain.
-    weights = np.ones(3, np.float32) if by_roughness else EQUAL_GAIN_WEIGHTS
-    return RefinedPile(pile, _compute_faint_fraction(features, mask, near_px, weights))
 
 
 def _make_fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.ndarray:
