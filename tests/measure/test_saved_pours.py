@@ -249,7 +249,7 @@ def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_o
     ("name", "content", "message"),
     [
         ("008.pours.json", None, "008.pours.json: file is "),
-        ("007.json", "{}", "007.json: pours is None"),
+        ("007.json", "{}", "007.json: file name is .007.json"),
         ("009.pours.json", '{"pours": []}', r"009.pours.json: pours is \[\]"),
         (
             "009.pours.json",

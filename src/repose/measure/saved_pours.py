@@ -50,9 +50,11 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     """
     job = read_json(path, what=EXPECTED_FILE)
     # Check the name, too, because the path of the .npz file is derived from it.
+    name = Path(path).name
+    if not name.endswith(POURS_ENDING):
+        raise InputError(path, key="file name", value=name, allowed=EXPECTED_FILE)
     pours = job.get("pours")
-    is_pours_file = str(path).endswith(POURS_ENDING)
-    if not is_pours_file or not isinstance(pours, list) or not pours:
+    if not isinstance(pours, list) or not pours:
         raise InputError(path, key="pours", value=pours, allowed=EXPECTED_FILE)
     for pour in pours:
         _check_pour(pour, path)

@@ -473,6 +473,8 @@ def _measure_in_pose(
     fine_mask = _resample_mask(coarse_mask, coarse, fine, location.crest_mm)
     grain_px = grain_mm / fine.mm_per_pixel
     pile, faint_fraction = finding.refine_pile(fine, fine_mask, grain_px, by_roughness)
+    # These checks come after the pile was found, so that the overlay of a rejected
+    # photograph shows the pile.
     photograph.pile = pile
     _require_camera_at_crest(look_down_deg)
     _require_complete(pile.mask, fine.hidden)
