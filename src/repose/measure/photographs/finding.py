@@ -423,13 +423,13 @@ def _mark_free_pixels(marks: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
 
 
 def _compute_faint_fraction(
-    colours: np.ndarray, mask: np.ndarray, near_px: float, weights: np.ndarray
+    features: np.ndarray, mask: np.ndarray, near_px: float, weights: np.ndarray
 ) -> float:
     """Compute the fraction of the upper boundary along which both sides hardly differ.
 
     Parameters
     ----------
-    colours : ndarray
+    features : ndarray
         Features (H, W, 3).
     mask : ndarray
         Mask (H, W) of the pile.
@@ -444,7 +444,7 @@ def _compute_faint_fraction(
         The fraction, from 0 to 1.
     """
     # Compare both sides at the highest pixel of each column.
-    pile, background = _average_sides(colours, mask, near_px)
+    pile, background = _average_sides(features, mask, near_px)
     difference = pile - background
     columns = np.flatnonzero(mask.any(axis=0))
     rows = mask.argmax(axis=0)[columns]
@@ -717,12 +717,12 @@ def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
         The reduced picture's differences from these medians.
     """
     step = max(1, max(mask.shape) // COMPARED_PX)
-    colours = compute_features(np.ascontiguousarray(image[::step, ::step]))
+    features = compute_features(np.ascontiguousarray(image[::step, ::step]))
     # The ends are narrow, because a shadow may be wider than the pile.
-    width = max(2, colours.shape[1] // COLUMNS_OVER_END)
-    ends = np.hstack([colours[:, :width], colours[:, -width:]])
+    width = max(2, features.shape[1] // COLUMNS_OVER_END)
+    ends = np.hstack([features[:, :width], features[:, -width:]])
     background = np.median(ends, axis=1, keepdims=True)
-    return _SideComparison(step, mask[::step, ::step], colours - background)
+    return _SideComparison(step, mask[::step, ::step], features - background)
 
 
 def compute_features(image: np.ndarray) -> np.ndarray:
@@ -775,11 +775,11 @@ def _compute_view_features(
     ndarray
         Features (n_rows, W, 3).
     """
-    colours = _fill_hidden(compute_features(view.image), view.hidden)[:n_rows]
+    features = _fill_hidden(compute_features(view.image), view.hidden)[:n_rows]
     if grain_px is not None:
         hidden = view.hidden[:n_rows]
-        colours[..., 2] = _compute_roughness(colours[..., 2], hidden, grain_px, pile)
-    return colours
+        features[..., 2] = _compute_roughness(features[..., 2], hidden, grain_px, pile)
+    return features
 
 
 def _compute_roughness(
@@ -863,22 +863,22 @@ def _hide_excluded(values: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     return np.where(excluded & ~excluded.all(axis=1, keepdims=True), np.nan, values)
 
 
-def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Give each hidden pixel the colour of the nearest visible pixel in its row.
+def _fill_hidden(values: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """Give each hidden pixel the values of the nearest visible pixel in its row.
 
     A row without visible pixels is left as it is.
 
     Parameters
     ----------
-    colours : ndarray
-        The colours (H, W, N).
+    values : ndarray
+        Features or light (H, W, N).
     hidden : ndarray
         Mask (H, W) of the hidden pixels.
 
     Returns
     -------
     ndarray
-        The completed colours (H, W, N).
+        The completed values (H, W, N).
     """
     columns = np.arange(hidden.shape[1])
     # Find the nearest visible column to the left and to the right of each pixel. A
@@ -889,11 +889,11 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     from_right = np.where(hidden, far_right, columns)[:, ::-1]
     right = np.minimum.accumulate(from_right, axis=1)[:, ::-1]
 
-    # Take the colour of the nearer of the two; of the left one if both are as near.
+    # Take the values of the nearer of the two; of the left one if both are as near.
     nearest = np.where(columns - left <= right - columns, left, right)
     has_visible = ~hidden.all(axis=1, keepdims=True)
     source = np.where(has_visible, nearest, columns)
-    return np.take_along_axis(colours, source[..., None], axis=1)
+    return np.take_along_axis(values, source[..., None], axis=1)
 
 
 def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
@@ -1114,7 +1114,7 @@ def _find_pile_and_objects(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndar
     return pile, is_object[labels]
 
 
-def _apply_grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
+def _apply_grab_cut(features: np.ndarray, marks: np.ndarray) -> np.ndarray:
     """Find the pile with GrabCut, starting from marks of pile and background.
 
     The result is the same in each call, because the seed of OpenCV's random numbers is
@@ -1122,7 +1122,7 @@ def _apply_grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    colours : ndarray
+    features : ndarray
         Features (H, W, 3).
     marks : ndarray
         OpenCV's marks (H, W): each pixel is pile or background, certainly or probably.
@@ -1133,7 +1133,7 @@ def _apply_grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
     ndarray
         Mask (H, W) of the pile, without specks.
     """
-    picture = np.clip(colours, 0, 255).astype(np.uint8)
+    picture = np.clip(features, 0, 255).astype(np.uint8)
     result = marks.copy()  # is overwritten
     no_rectangle = (0, 0, 0, 0)  # is not used if GrabCut begins with marks
     # Working memory for the models of both sides, of the size that OpenCV prescribes
