@@ -15,7 +15,7 @@ from shared import ROOT
 from repose.dem import Cylinder, Plane, Recorder
 from repose.report.renderer.film import animate
 from repose.report.renderer.render import render_simulation
-from repose.report.renderer.scenery import make_setting
+from repose.report.renderer.scenery import make_scenery
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 README = ROOT / "src" / "repose" / "dem" / "README.md"
@@ -57,11 +57,11 @@ def test_a_picture_shows_balls_and_panels(box):
     red = picture[..., 0] > picture[..., 2] + 40
     grey = ~red & (picture.max(axis=-1) < 215)
     assert min(red.mean(), grey.mean()) > 0.05
-    setting = make_setting(simulation)
-    assert setting.plate_m is None
-    assert len(setting.panels) == 5
+    scenery = make_scenery(simulation)
+    assert scenery.plate_m is None
+    assert len(scenery.panels) == 5
     for panel in (
-        setting.panels
+        scenery.panels
     ):  # the panels close the box up to the top: normals point at its middle
         assert (
             panel.normal @ (np.array([0.0, 0.0, 0.075]) - panel.corners_m.mean(axis=0))
@@ -98,8 +98,8 @@ def test_any_simulation_becomes_an_animation(tmp_path):
     with Image.open(tmp_path / "fall.gif") as film:
         assert film.n_frames == 5
         assert film.size == (60, 80)
-    assert make_setting(simulation).plate_m == 0.0
-    assert [(w.r_low_m, w.z_high_m) for w in make_setting(simulation).frusta] == [
+    assert make_scenery(simulation).plate_m == 0.0
+    assert [(w.r_low_m, w.z_high_m) for w in make_scenery(simulation).frusta] == [
         (0.03, 0.1)
     ]
 

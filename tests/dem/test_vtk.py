@@ -19,7 +19,7 @@ from repose.dem import (
     write_vtk,
 )
 from repose.dem.tessellation import triangulate_walls
-from repose.report.renderer.scenery import make_setting
+from repose.report.renderer.scenery import make_scenery
 
 NUMPY_TYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
 
@@ -215,6 +215,6 @@ def test_a_mesh_is_written_and_drawn_where_its_motion_has_brought_it(tmp_path):
     points, triangles = triangulate_walls(simulation)["wedge"]
     assert np.allclose(points, corners + shift)
     assert np.array_equal(triangles, faces)
-    panels = make_setting(simulation).panels
+    panels = make_scenery(simulation).panels
     assert np.allclose(panels[3].corners_m, corners[faces[3]] + shift)
     assert panels[3].normal @ np.ones(3) > 1.7

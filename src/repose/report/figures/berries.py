@@ -158,7 +158,7 @@ def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     # These imports are slow, and the other figures do not need them.
     from repose.grain.mesh import load_mesh
     from repose.report.renderer.render import render_bodies, render_mesh
-    from repose.report.renderer.scenery import Setting, look_at
+    from repose.report.renderer.scenery import Scenery, look_at
 
     simulated = Particle.load(inputs["particle"])
     mesh = load_mesh(inputs["stl"])
@@ -214,7 +214,7 @@ def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
             np.zeros((1, 3)),
             np.array([[1.0, 0.0, 0.0, 0.0]]),
             [particle],
-            setting=Setting(None),
+            scenery=Scenery(None),
             **view,
         )
         panel.imshow(picture)

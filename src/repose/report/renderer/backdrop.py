@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-DRUM_TONE = np.array([0.80, 0.82, 0.84])
-RIM_TONE = np.array([0.46, 0.50, 0.54])
-MARK_TONE = np.array([0.16, 0.18, 0.20])
+DRUM_COLOUR = np.array([0.80, 0.82, 0.84])
+DRUM_BRIGHTNESS = 1.1  # factor of the drum's colour
+RIM_COLOUR = np.array([0.46, 0.50, 0.54])
+MARK_COLOUR = np.array([0.16, 0.18, 0.20])
 # Dark marks around the rim show how far the drum has turned.
 N_MARKS = 12
 MARK_HALF_WIDTH_RAD = 0.035
@@ -23,7 +24,7 @@ RIM_LENGTH_FRACTION = 0.4999
 class DrumInside:
     """The inside of a drum about the y axis, seen along +y from a point on the axis.
 
-    The drum is open towards the camera and closed at its far end.
+    The drum is a cylinder, open towards the camera and closed at its far end.
     """
 
     radius_m: float  # inner
@@ -54,14 +55,15 @@ class DrumInside:
         eye_m : array (3,)
             Position of the camera.
         rays : array (H, W, 3)
-            Directions of the rays, scaled to unit depth.
+            Directions of the rays, scaled to unit depth along the view.
 
         Returns
         -------
         depth : array (H, W)
             Depth in m; infinite for a ray that misses the drum.
         normals : array (H, W, 3)
-            Unit normals at the points where the rays meet the drum.
+            Unit normals at the points where the rays meet the drum. For a ray that
+            misses the drum, the normal has no meaning.
         """
         # The open front end and the closed back end are planes perpendicular to the y
         # axis. A camera with a narrow view along y has no ray parallel to them.
@@ -70,25 +72,30 @@ class DrumInside:
         back_depth = (half_length - eye_m[1]) / rays[..., 1]
         at_front = eye_m + front_depth[..., None] * rays
         radius_at_front = np.hypot(at_front[..., 0], at_front[..., 2])
-        shell_depth = self._shell_depth(eye_m, rays)
+        cylinder_depth = self._compute_cylinder_depth(eye_m, rays)
 
-        # A ray that enters the drum ends at the shell or at the back. Other rays end at
-        # the rim or miss the drum.
+        # A ray that enters the drum ends at the inner cylinder or at the back. Other rays
+        # end at the rim or miss the drum.
         enters_drum = radius_at_front < self.radius_m
-        depth = np.where(enters_drum, np.minimum(shell_depth, back_depth), front_depth)
+        depth = np.where(
+            enters_drum, np.minimum(cylinder_depth, back_depth), front_depth
+        )
 
-        # The shell faces the axis; the rim and the back face the camera.
+        # The inner cylinder faces the axis; the rim and the back face the camera. On the
+        # cylinder, x and z of a point are as long as the radius.
         normals = np.zeros(rays.shape)
-        on_shell = enters_drum & (shell_depth < back_depth)
+        on_cylinder = enters_drum & (cylinder_depth < back_depth)
         points_m = eye_m + depth[..., None] * rays
-        normals[on_shell] = -points_m[on_shell] * (1.0, 0.0, 1.0) / self.radius_m
-        normals[~on_shell] = 0.0, -1.0, 0.0
+        normals[on_cylinder] = -points_m[on_cylinder] * (1.0, 0.0, 1.0) / self.radius_m
+        normals[~on_cylinder] = 0.0, -1.0, 0.0
 
         meets_drum = radius_at_front <= self.radius_m + self.thickness_m
         return np.where(meets_drum, depth, np.inf), normals
 
-    def _shell_depth(self, eye_m: np.ndarray, rays: np.ndarray) -> np.ndarray:
-        """Compute the depth at which each ray leaves the endless inner cylinder.
+    def _compute_cylinder_depth(
+        self, eye_m: np.ndarray, rays: np.ndarray
+    ) -> np.ndarray:
+        """Compute the depth at which each ray leaves the infinite inner cylinder.
 
         Parameters
         ----------
@@ -124,8 +131,8 @@ class DrumInside:
         ----------
         points_m, normals : array (M, 3)
             The points in m, and the unit normals at these points.
-        light_share, sky_fraction : array (M,)
-            Shares of the light and of the sky that reach the points.
+        light_fraction, sky_fraction : array (M,)
+            Fractions of the light and of the sky that reach the points.
 
         Returns
         -------
@@ -133,23 +140,24 @@ class DrumInside:
             Red, green and blue, from 0 to 1 or slightly above.
         """
         # Shadows, gaps between grains, and surfaces that face down are darker. The
-        # weights were chosen by eye, as was the factor of the colour.
-        tone = (
+        # weights were chosen by eye. In each factor they add up to 1, so that a surface
+        # in full light that faces up keeps its colour.
+        brightness = (
             (0.62 + 0.38 * light_fraction)
             * (0.35 + 0.65 * sky_fraction)
             * (0.86 + 0.14 * normals[:, 2])
         )
-        colour = DRUM_TONE * 1.1 * tone[:, None]
+        colour = DRUM_COLOUR * DRUM_BRIGHTNESS * brightness[:, None]
 
         # The rim is the ring around the open front end. The camera is at negative y.
         distance_from_axis = np.hypot(points_m[:, 0], points_m[:, 2])
         on_rim = distance_from_axis > RIM_RADIUS_FRACTION * self.radius_m
         on_rim &= points_m[:, 1] < -RIM_LENGTH_FRACTION * self.length_m
-        colour[on_rim] = RIM_TONE
+        colour[on_rim] = RIM_COLOUR
 
         # The marks turn with the drum.
         angle = np.arctan2(points_m[:, 2], points_m[:, 0]) - self.turned_rad
-        colour[on_rim & _is_marked(angle)] = MARK_TONE
+        colour[on_rim & _is_marked(angle)] = MARK_COLOUR
         return colour
 
 

@@ -38,15 +38,15 @@ class Bodies:
     normals : array (S, V, 3)
         Unit normals at the points of each shape.
     triangles : array (T, 3) of int
-        Numbers of the points of each triangle, the same for all shapes.
+        Indices of the points of each triangle, the same for all shapes.
     shape_ids : array (N,) of int
-        Number of the shape of each part.
+        Index of the shape of each part.
     rotations : array (N, 3, 3)
         Rotation of each part to the world.
     vertices : array (N, V, 3)
         Points of each part in the world, in m.
-    owner : array (N,) of int
-        Number of the body to which each part belongs.
+    body_of_part : array (N,) of int
+        Index of the body to which each part belongs.
     largest_m : float
         Bounding radius of the largest body, or of the first shape if there are no
         bodies.
@@ -57,7 +57,7 @@ class Bodies:
     shape_ids: np.ndarray
     rotations: np.ndarray
     vertices: np.ndarray
-    owner: np.ndarray
+    body_of_part: np.ndarray
     largest_m: float
 
 
@@ -74,12 +74,16 @@ class _UnitSphere:
 
 
 class _Parts(NamedTuple):
-    """The M parts that are drawn: whole bodies, and spheres of clumps."""
+    """The M parts that are drawn: whole bodies, and spheres of clumps.
+
+    They are sorted by the shapes of the bodies, so their order is not that of the
+    bodies.
+    """
 
     centres: np.ndarray  # (M, 3), in m
     scales: np.ndarray  # (M,), size of each part as a multiple of its shape
-    shape_ids: np.ndarray  # (M,) of int, number of the shape of each part
-    owner: np.ndarray  # (M,) of int, number of the body to which it belongs
+    shape_ids: np.ndarray  # (M,) of int, index of the shape of each part
+    body_of_part: np.ndarray  # (M,) of int, index of the body of each part
 
 
 def place_bodies(
@@ -89,7 +93,9 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """Place bodies in the world, and convert them to triangles.
+    """Place bodies in the world, as triangles.
+
+    A body made of spheres becomes several parts, one for each sphere.
 
     Parameters
     ----------
@@ -100,7 +106,7 @@ def place_bodies(
     shapes : sequence
         The S shapes.
     shape_ids : array (N,) of int
-        Number of the shape of each body.
+        Index of the shape of each body.
     scales : array (N,)
         Size of each body as a multiple of its shape.
 
@@ -111,7 +117,7 @@ def place_bodies(
         unit sphere.
     """
     rotations = rotation_matrices(quaternions)
-    # The unit sphere follows the other shapes, so its number is the number of shapes.
+    # The unit sphere follows the other shapes, so its index is the number of shapes.
     parts = _split_into_parts(
         centres,
         rotations=rotations,
@@ -120,8 +126,49 @@ def place_bodies(
         scales=scales,
         sphere_id=len(shapes),
     )
-    # Of a clump, only the spheres are drawn. Because each shape must have a mesh, give
-    # a clump the mesh of a sphere, which is not used.
+    points, normals, triangles = _tessellate_shapes(shapes)
+
+    # Scale and rotate the points of each part, and move them to its centre.
+    rotations_of_parts = rotations[parts.body_of_part]
+    scaled_points = parts.scales[:, None, None] * points[parts.shape_ids]
+    vertices = parts.centres[:, None, :] + np.einsum(
+        "nij,nvj->nvi", rotations_of_parts, scaled_points
+    )
+    radii = np.array([shape.bounding_radius_m for shape in shapes])
+    largest_radius_m = float((radii[shape_ids] * scales).max(initial=0.0))
+    return Bodies(
+        normals=normals,
+        triangles=triangles,
+        shape_ids=parts.shape_ids,
+        rotations=rotations_of_parts,
+        vertices=vertices,
+        body_of_part=parts.body_of_part,
+        # Without bodies, the radius is 0. Shadows need a length, so use that of a shape.
+        largest_m=largest_radius_m or float(radii[0]),
+    )
+
+
+def _tessellate_shapes(
+    shapes: Sequence[Drawable],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Make a mesh of each shape, and one of the unit sphere.
+
+    Parameters
+    ----------
+    shapes : sequence of Drawable
+        The S shapes.
+
+    Returns
+    -------
+    points : array (S + 1, V, 3)
+        Points of each mesh in m. The last mesh is the unit sphere.
+    normals : array (S + 1, V, 3)
+        Unit normals at these points.
+    triangles : array (T, 3) of int
+        Indices of the points of each triangle, the same for all meshes.
+    """
+    # The mesh of a clump is never drawn, because its spheres are. But each shape needs
+    # a mesh, so that its index is the index of its mesh. A sphere takes its place.
     meshed_shapes = [
         _UnitSphere() if len(_read_spheres(shape)) else shape for shape in shapes
     ]
@@ -129,26 +176,9 @@ def place_bodies(
     meshes = [tessellate(shape) for shape in meshed_shapes]
     points = np.array([points for points, _, _ in meshes])
     normals = np.array([normals for _, normals, _ in meshes])
-    # All meshes have the same triangles.
+    # `tessellate` gives all shapes the same triangles.
     _, _, triangles = meshes[0]
-
-    # Scale and rotate the points of each part, and move them to its centre.
-    rotations_of_parts = rotations[parts.owner]
-    scaled_points = parts.scales[:, None, None] * points[parts.shape_ids]
-    vertices = parts.centres[:, None, :] + np.einsum(
-        "nij,nvj->nvi", rotations_of_parts, scaled_points
-    )
-    radii = np.array([shape.bounding_radius_m for shape in shapes])
-    largest = float((radii[shape_ids] * scales).max(initial=0.0))
-    return Bodies(
-        normals=normals,
-        triangles=triangles,
-        shape_ids=parts.shape_ids,
-        rotations=rotations_of_parts,
-        vertices=vertices,
-        owner=parts.owner,
-        largest_m=largest or float(radii[0]),
-    )
+    return points, normals, triangles
 
 
 def _read_spheres(shape: Drawable) -> np.ndarray:
@@ -164,29 +194,29 @@ def _split_into_parts(
     scales: np.ndarray,
     sphere_id: int,
 ) -> _Parts:
-    """Split clumps into their spheres. Any other body is a single part.
+    """Split the bodies into parts: each sphere of a clump, and each other body whole.
 
     Parameters
     ----------
     centres, shapes, shape_ids, scales
-        The bodies, as for `place_bodies`.
+        The bodies, as for `place_bodies`. There is at least one shape.
     rotations : array (N, 3, 3)
         Rotations of the bodies to the world.
     sphere_id : int
-        Number of the unit sphere among the shapes, for the spheres of clumps.
+        Index of the unit sphere among the shapes, for the spheres of clumps.
 
     Returns
     -------
     _Parts
-        The parts of all bodies, shape by shape.
+        The parts of all bodies, sorted by the shapes of the bodies.
     """
     parts_by_shape = []
     for shape_id, shape in enumerate(shapes):
-        body_numbers = np.flatnonzero(shape_ids == shape_id)
+        body_indices = np.flatnonzero(shape_ids == shape_id)
         spheres = _read_spheres(shape)
         if len(spheres):
             parts = _place_spheres(
-                body_numbers,
+                body_indices,
                 spheres,
                 centres=centres,
                 rotations=rotations,
@@ -195,22 +225,22 @@ def _split_into_parts(
             )
         else:
             parts = _Parts(
-                centres[body_numbers],
-                scales[body_numbers],
-                shape_ids=np.full(len(body_numbers), shape_id),
-                owner=body_numbers,
+                centres[body_indices],
+                scales[body_indices],
+                shape_ids=np.full(len(body_indices), shape_id),
+                body_of_part=body_indices,
             )
         parts_by_shape.append(parts)
     return _Parts(
         centres=np.concatenate([parts.centres for parts in parts_by_shape]),
         scales=np.concatenate([parts.scales for parts in parts_by_shape]),
         shape_ids=np.concatenate([parts.shape_ids for parts in parts_by_shape]),
-        owner=np.concatenate([parts.owner for parts in parts_by_shape]),
+        body_of_part=np.concatenate([parts.body_of_part for parts in parts_by_shape]),
     )
 
 
 def _place_spheres(
-    body_numbers: np.ndarray,
+    body_indices: np.ndarray,
     spheres: np.ndarray,
     centres: np.ndarray,
     rotations: np.ndarray,
@@ -221,28 +251,28 @@ def _place_spheres(
 
     Parameters
     ----------
-    body_numbers : array (M,) of int
-        Numbers of the clumps among all bodies.
+    body_indices : array (M,) of int
+        Indices of the clumps among all bodies.
     spheres : array (S, 4)
         Centres and radii of the spheres of their shape in m.
     centres, rotations, scales
         Values of all bodies, as for `_split_into_parts`.
     sphere_id : int
-        Number of the unit sphere among the shapes.
+        Index of the unit sphere among the shapes.
 
     Returns
     -------
     _Parts
         M * S parts, in which the spheres of a clump follow each other.
     """
-    owner = np.repeat(body_numbers, len(spheres))
-    spheres_of_bodies = np.tile(spheres, (len(body_numbers), 1))
+    body_of_part = np.repeat(body_indices, len(spheres))
+    spheres_of_bodies = np.tile(spheres, (len(body_indices), 1))
     radii = spheres_of_bodies[:, 3]
     # Rotate the centre of each sphere with its clump.
-    offsets = np.einsum("nij,nj->ni", rotations[owner], spheres_of_bodies[:, :3])
+    offsets = np.einsum("nij,nj->ni", rotations[body_of_part], spheres_of_bodies[:, :3])
     return _Parts(
-        centres[owner] + scales[owner, None] * offsets,
-        scales[owner] * radii,
-        shape_ids=np.full(len(owner), sphere_id),
-        owner=owner,
+        centres[body_of_part] + scales[body_of_part, None] * offsets,
+        scales[body_of_part] * radii,
+        shape_ids=np.full(len(body_of_part), sphere_id),
+        body_of_part=body_of_part,
     )

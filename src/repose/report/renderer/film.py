@@ -1,4 +1,4 @@
-"""Make short animations, repeated endlessly, of a pour, a drum or any simulation."""
+"""Make short looping animations of a pour, of a drum or of any simulation."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ from repose.report.renderer.bodies import Drawable
 from repose.report.renderer.render import render_bodies, render_pile
 from repose.report.renderer.scenery import (
     Frustum,
-    Setting,
+    Scenery,
     find_frame_points,
-    make_setting,
+    make_scenery,
 )
 
 if TYPE_CHECKING:
@@ -32,11 +32,11 @@ FRAME_S = 0.08
 DRUM_FRAME_S = 0.12
 MAX_BYTES = 3_000_000
 # A grain has left the pile if its distance from the axis is more than this many times
-# the median distance.
-PILE_MEDIANS = 2
+# the median distance of all grains.
+MAX_MEDIAN_DISTANCES = 2
 DRUM_MAX_BYTES = 3_900_000
-# Colours of a GIF and qualities of a WebP to try, from the largest file to the
-# smallest.
+# Numbers of colours of a GIF, and qualities of a WebP, that are tried until the file is
+# small enough. Both go from the largest file to the smallest, and have the same length.
 GIF_COLOURS = (128, 96, 64, 48, 32)
 WEBP_QUALITY = (80, 65, 50, 35, 20)
 
@@ -49,7 +49,7 @@ def animate_pour(
     frames: int = 72,
     **view: Any,
 ) -> None:
-    """Write an endless animation of a pour, in at most `MAX_BYTES`.
+    """Write a looping animation of a pour, as a file of at most `MAX_BYTES`.
 
     If the file would be larger, the number of colours, or the quality, is reduced.
 
@@ -65,7 +65,7 @@ def animate_pour(
     walls : sequence of Frustum
         Walls that are drawn translucent.
     frames : int
-        Largest number of pictures, which are spread evenly over the time.
+        Maximum number of pictures, which are spread evenly over the time.
     **view
         Further arguments of `repose.report.renderer.render.render_bodies`.
 
@@ -76,15 +76,16 @@ def animate_pour(
         file remains too large.
     """
     out_path = _check_ending(out_path)
-    record = read_npz(trajectory, TRAJECTORY_KEYS, "the trajectory of a pour")
-    positions = record["position"]
-    scales = _read_scales(record)
+    arrays = read_npz(trajectory, TRAJECTORY_KEYS, "the trajectory of a pour")
+    positions = arrays["position"]
+    scales = _read_scales(arrays)
     default_view: dict[str, Any] = {
         "width": 360,
         "height": 460,
         "elevation_deg": 10.0,
         "azimuth_deg": 20.0,
     }
+    # All pictures show the same region, which contains the pile at the end.
     options = {
         **default_view,
         **view,
@@ -95,10 +96,10 @@ def animate_pour(
         "scales": scales,
     }
     pictures = [
-        render_pile(positions[k], record["quaternion"][k], particle, **options)
-        for k in _choose_frames(record["time_s"], frames)
+        render_pile(positions[k], arrays["quaternion"][k], particle, **options)
+        for k in _choose_frames(arrays["time_s"], frames)
     ]
-    _write_limited(pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
+    _write_within_limit(pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
 
 
 def _find_points_of_pour(
@@ -107,14 +108,16 @@ def _find_points_of_pour(
     scales: np.ndarray,
     walls: Sequence[Frustum],
 ) -> np.ndarray:
-    """Find points around the pile and the funnel, which each picture must contain.
+    """Find the points that each picture of a pour must contain.
 
-    Grains that rolled far away may lie outside the picture.
+    They enclose the pile and the funnel. Grains that rolled far away may lie outside
+    the picture.
 
     Parameters
     ----------
     last_positions : array (N, 3)
-        Final positions of the grains in m; NaN for a grain that is absent.
+        Final positions of the grains in m; NaN for a grain that is absent. At least one
+        grain is present.
     particle : Drawable
         The shape of the grains.
     scales : array (N,)
@@ -127,11 +130,13 @@ def _find_points_of_pour(
     array (M, 3)
         The points in m.
     """
-    is_there = np.isfinite(last_positions).all(axis=1)
-    resting = last_positions[is_there].astype(float)
+    is_present = np.isfinite(last_positions).all(axis=1)
+    resting = last_positions[is_present].astype(float)
     largest_radius_m = particle.bounding_radius_m * float(scales.max(initial=0.0))
     distance_from_axis = np.hypot(resting[:, 0], resting[:, 1])
-    is_in_pile = distance_from_axis < PILE_MEDIANS * np.median(distance_from_axis)
+    is_in_pile = distance_from_axis < MAX_MEDIAN_DISTANCES * np.median(
+        distance_from_axis
+    )
     points = find_frame_points(resting[is_in_pile], largest_radius_m, walls)
     # Leave room for a grain that falls in from above.
     point_above = [[0, 0, points[:, 2].max() + 2 * largest_radius_m]]
@@ -145,7 +150,7 @@ def animate(
     pictures: int = 48,
     **view: Any,
 ) -> None:
-    """Write an endless animation of any simulation, in at most `MAX_BYTES`.
+    """Write a looping animation of any simulation, as a file of at most `MAX_BYTES`.
 
     Parameters
     ----------
@@ -156,7 +161,7 @@ def animate(
     out_path : path
         File that ends in .gif or .webp.
     pictures : int
-        Largest number of pictures, which are spread evenly over the time.
+        Maximum number of pictures, which are spread evenly over the time.
     **view
         Further arguments of `repose.report.renderer.render.render_bodies`. By default,
         `frame_m` encloses the bodies in the first and in the last frame.
@@ -174,9 +179,9 @@ def animate(
             out_path, key="frames", value=0, allowed="at least one recorded frame"
         )
     shapes = list(simulation.shapes.values())
-    settings = _list_settings(simulation, frames)
+    sceneries = _list_sceneries(simulation, frames)
     if view.get("frame_m") is None:
-        view["frame_m"] = _find_points_of_ends(shapes, frames, settings[-1])
+        view["frame_m"] = _find_shown_points(shapes, frames, sceneries[-1])
     drawn_pictures = [
         render_bodies(
             frames["position"][k],
@@ -184,18 +189,18 @@ def animate(
             shapes=shapes,
             shape_ids=frames["shape"],
             scales=frames["scale"],
-            setting=settings[k],
+            scenery=sceneries[k],
             **view,
         )
         for k in _choose_frames(times, pictures)
     ]
-    _write_limited(drawn_pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
+    _write_within_limit(drawn_pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
 
 
-def _list_settings(
+def _list_sceneries(
     simulation: Simulation, frames: Mapping[str, np.ndarray]
-) -> list[Setting]:
-    """List the walls in each frame of a film.
+) -> list[Scenery]:
+    """List the walls at each recorded time.
 
     Parameters
     ----------
@@ -207,22 +212,22 @@ def _list_settings(
 
     Returns
     -------
-    list of Setting
-        The walls in each frame.
+    list of Scenery
+        The walls at each time.
     """
     if "planes" not in frames:
-        # All frames have the same walls.
-        return len(frames["time_s"]) * [make_setting(simulation)]
+        # The walls look the same at all times.
+        return len(frames["time_s"]) * [make_scenery(simulation)]
     walls = zip(frames["planes"], frames["wall_frames"], strict=True)
     return [
-        make_setting(simulation, planes, wall_frames) for planes, wall_frames in walls
+        make_scenery(simulation, planes, wall_frames) for planes, wall_frames in walls
     ]
 
 
-def _find_points_of_ends(
-    shapes: Sequence[Drawable], frames: Mapping[str, np.ndarray], last_setting: Setting
+def _find_shown_points(
+    shapes: Sequence[Drawable], frames: Mapping[str, np.ndarray], last_scenery: Scenery
 ) -> np.ndarray:
-    """Find the points that each picture of a film must contain.
+    """Find the points that each picture of a simulation must contain.
 
     They enclose the walls, and the bodies in the first and in the last frame.
 
@@ -232,7 +237,7 @@ def _find_points_of_ends(
         The shapes of the bodies.
     frames : mapping
         The recorded frames, from `repose.dem.Recorder.frames`.
-    last_setting : Setting
+    last_scenery : Scenery
         The walls in the last frame.
 
     Returns
@@ -245,7 +250,7 @@ def _find_points_of_ends(
     largest_scale = float(frames["scale"].max(initial=0.0))
     radius = max(shape.bounding_radius_m for shape in shapes) * largest_scale
     return find_frame_points(
-        centres, radius, walls=last_setting.frusta, panels=last_setting.panels
+        centres, radius, walls=last_scenery.frusta, panels=last_scenery.panels
     )
 
 
@@ -257,9 +262,10 @@ def animate_drum(
     frames: int = 72,
     **view: Any,
 ) -> None:
-    """Write an endless animation of a turning drum, seen along its axis.
+    """Write a looping animation of a turning drum, seen along its axis.
 
-    The marks on its rim turn with it.
+    The marks on its rim turn with it. The pictures are squares, so a height in `view`
+    has no effect.
 
     Parameters
     ----------
@@ -272,7 +278,7 @@ def animate_drum(
     section : DrumSettings
         The section `drum` of the configuration.
     frames : int
-        Largest number of pictures, which are spread evenly over the time.
+        Maximum number of pictures, which are spread evenly over the time.
     **view
         Further arguments of `repose.report.renderer.render.render_bodies`.
 
@@ -282,31 +288,33 @@ def animate_drum(
         For the same reasons as in `animate_pour`.
     """
     out_path = _check_ending(out_path)
-    record = read_npz(
+    arrays = read_npz(
         trajectory, (*TRAJECTORY_KEYS, "turned_deg"), "the trajectory of a drum"
     )
-    turned_rad = np.radians(record["turned_deg"])
+    turned_rad = np.radians(arrays["turned_deg"])
     # The camera looks along the axis of the drum, which is the centre of the picture.
     default_view: dict[str, Any] = {
         "width": 380,
         "elevation_deg": 0.0,
         "azimuth_deg": -90.0,
     }
-    options = {**default_view, **view, "scales": _read_scales(record)}
-    options["height"] = options["width"]  # the picture is a square
+    options = {**default_view, **view, "scales": _read_scales(arrays)}
+    options["height"] = options["width"]  # a square, like the outline of the drum
     pictures = []
-    for k in _choose_frames(record["time_s"], frames):
+    for k in _choose_frames(arrays["time_s"], frames):
         inside = make_drum_inside(section, turned_rad[k])
         picture = render_pile(
-            record["position"][k],
-            record["quaternion"][k],
+            arrays["position"][k],
+            arrays["quaternion"][k],
             particle,
             frame_m=inside.compute_outline_points(),
             backdrop=inside,
             **options,
         )
         pictures.append(picture)
-    _write_limited(pictures, DRUM_FRAME_S, out_path=out_path, max_bytes=DRUM_MAX_BYTES)
+    _write_within_limit(
+        pictures, DRUM_FRAME_S, out_path=out_path, max_bytes=DRUM_MAX_BYTES
+    )
 
 
 def make_drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
@@ -334,9 +342,9 @@ def make_drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
     )
 
 
-def _read_scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Read the relative sizes (N,) of the grains; they are 1 if the record has none."""
-    return record.get("scale", np.ones(record["position"].shape[1]))
+def _read_scales(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the relative sizes (N,) of the grains; 1 if the trajectory has none."""
+    return arrays.get("scale", np.ones(arrays["position"].shape[1]))
 
 
 def _check_ending(out_path: StrPath) -> Path:
@@ -357,21 +365,23 @@ def _choose_frames(times: np.ndarray, frames: int) -> np.ndarray:
     times : array (T,)
         Times of all frames.
     frames : int
-        Largest number of frames to choose.
+        Maximum number of frames to choose.
 
     Returns
     -------
     array of int
-        Numbers of the chosen frames.
+        Indices of the chosen frames.
     """
     shown_times = np.linspace(times[0], times[-1], min(frames, len(times)))
     return np.searchsorted(times, shown_times)
 
 
-def _write_limited(
+def _write_within_limit(
     pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int
 ) -> None:
     """Write an animation in the best quality that the limit of the file size allows.
+
+    A lower quality means fewer colours in a GIF, and a lower quality factor in a WebP.
 
     Parameters
     ----------
@@ -383,7 +393,7 @@ def _write_limited(
     out_path : Path
         File that ends in .gif or .webp.
     max_bytes : int
-        Largest allowed size of the file.
+        Maximum size of the file.
 
     Raises
     ------
@@ -394,8 +404,8 @@ def _write_limited(
     durations_ms = [round(1000 * frame_s)] * len(images)
     durations_ms[-1] = round(1000 * LAST_FRAME_S)
     is_webp = FORMATS[out_path.suffix.lower()] == "WEBP"
-    content = b""
-    # Try all settings from the largest file to the smallest, until one is small enough.
+    content = b""  # after the loop, the smallest file, whose size the message states
+    # Try all qualities from the largest file to the smallest, until one is small enough.
     for colours, quality in zip(GIF_COLOURS, WEBP_QUALITY, strict=True):
         if is_webp:
             content = _encode_webp(images, durations_ms, quality)

@@ -14,12 +14,12 @@ GOLDEN_ANGLE = 2.399963  # in radians
 
 
 @compiled
-def _rasterise(x, y, near, triangles, nearest, body, weights, triangle):
+def _rasterise(x, y, nearness, triangles, nearest, body, triangle, weights):
     """Draw all triangles that face the viewer into a z-buffer.
 
-    A pixel keeps the triangle with the largest `near`, which is the nearest one. The
-    first four parameters are those of `draw_triangles`. The others are the arrays that
-    `draw_triangles` returns, and are written to.
+    A pixel keeps the triangle with the largest nearness. The first four parameters are
+    those of `draw_triangles`. The others are the arrays that `draw_triangles` returns,
+    and are written to.
     """
     rows, columns = nearest.shape
     for b in range(x.shape[0]):
@@ -51,13 +51,13 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, triangle):
                     v = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) * inverse_area
                     if u < 0.0 or v < 0.0 or u + v > 1.0:
                         continue
-                    depth = (
-                        near[b, i]
-                        + u * (near[b, j] - near[b, i])
-                        + v * (near[b, k] - near[b, i])
+                    pixel_nearness = (
+                        nearness[b, i]
+                        + u * (nearness[b, j] - nearness[b, i])
+                        + v * (nearness[b, k] - nearness[b, i])
                     )
-                    if depth > nearest[row, column]:
-                        nearest[row, column] = depth
+                    if pixel_nearness > nearest[row, column]:
+                        nearest[row, column] = pixel_nearness
                         body[row, column] = b
                         triangle[row, column] = t
                         weights[row, column, 0] = u
@@ -67,7 +67,7 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, triangle):
 def draw_triangles(
     x: np.ndarray,
     y: np.ndarray,
-    near: np.ndarray,
+    nearness: np.ndarray,
     triangles: np.ndarray,
     shape: tuple[int, int],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -77,10 +77,11 @@ def draw_triangles(
     ----------
     x, y : array (N, V)
         Positions of the points in pixels, with row 0 at the top.
-    near : array (N, V)
-        Nearness of the points: a larger number is nearer.
+    nearness : array (N, V)
+        Nearness of the points: any number that is larger for a nearer point, and that
+        may be interpolated linearly in the picture, such as the inverse depth.
     triangles : array (T, 3) of int
-        Numbers of the corners of triangles that form a closed surface, in anticlockwise
+        Indices of the corners of triangles that form a closed surface, in anticlockwise
         order as seen from outside. They are the same for all bodies.
     shape : tuple
         Number of rows H and columns W of the picture.
@@ -90,9 +91,9 @@ def draw_triangles(
     nearest : array (H, W)
         Nearness of the visible point; minus infinity if there is none.
     body : array (H, W) of int
-        Number of the body of this point; -1 if there is none.
+        Index of the body of this point; -1 if there is none.
     triangle : array (H, W) of int
-        Number of the triangle of this point.
+        Index of the triangle of this point; 0 if there is none.
     weights : array (H, W, 2)
         Weights of the second and third corner of the triangle at this point.
     """
@@ -101,7 +102,7 @@ def draw_triangles(
     triangle = np.zeros(shape, np.int32)
     weights = np.zeros((*shape, 2), np.float32)
     if len(x):
-        _rasterise(x, y, near, triangles, nearest, body, weights, triangle)
+        _rasterise(x, y, nearness, triangles, nearest, body, triangle, weights)
     return nearest, body, triangle, weights
 
 
@@ -113,31 +114,36 @@ def _compute_pixel_angle(row, column):
     instead of bands. The numbers are those of interleaved gradient noise (Jimenez 2014,
     Next Generation Post Processing in Call of Duty).
     """
-    grain = 0.06711056 * column + 0.00583715 * row
-    grain = 52.9829189 * (grain - math.floor(grain))
-    return 2 * math.pi * (grain - math.floor(grain))
+    noise = 0.06711056 * column + 0.00583715 * row
+    noise = 52.9829189 * (noise - math.floor(noise))
+    return 2 * math.pi * (noise - math.floor(noise))
 
 
 @compiled
-def _make_spiral(taps):
+def _make_spiral(n_points):
     """Make points of a spiral that fill the unit disc evenly.
+
+    This is Vogel's spiral, as in the head of a sunflower. Each point is turned by the
+    golden angle from the point before it, so the points never line up. The radius grows
+    with the square root of the number, so each point has the same area.
 
     Parameters
     ----------
-    taps : int
+    n_points : int
         Number of points.
 
     Returns
     -------
-    across, down : array (taps,)
-        Coordinates of the points.
+    across, down : array (n_points,)
+        Coordinates of the points along the columns and along the rows of a picture.
     """
-    across = np.empty(taps)
-    down = np.empty(taps)
-    for tap in range(taps):
-        radius = math.sqrt((tap + 0.5) / taps)
-        across[tap] = radius * math.cos(GOLDEN_ANGLE * tap)
-        down[tap] = radius * math.sin(GOLDEN_ANGLE * tap)
+    across = np.empty(n_points)
+    down = np.empty(n_points)
+    for k in range(n_points):
+        # Adding 0.5 places each point in the middle of its ring.
+        radius = math.sqrt((k + 0.5) / n_points)
+        across[k] = radius * math.cos(GOLDEN_ANGLE * k)
+        down[k] = radius * math.sin(GOLDEN_ANGLE * k)
     return across, down
 
 
@@ -153,7 +159,16 @@ def write_place(camera, shape, row, column, depth, place):
 
 @compiled
 def compute_lit_fraction(
-    depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps
+    depth,
+    normals,
+    camera,
+    light_map,
+    axes,
+    origin,
+    pixel_m,
+    softness_m,
+    bias_m,
+    n_samples,
 ):
     """Compute the fraction of the light that reaches each visible point.
 
@@ -177,7 +192,7 @@ def compute_lit_fraction(
         Radius of the disc of samples on the map. It makes the edges of shadows soft.
     bias_m : float
         Distance at which a surface begins to cast a shadow on a point.
-    taps : int
+    n_samples : int
         Number of samples.
 
     Returns
@@ -188,7 +203,7 @@ def compute_lit_fraction(
     rows, columns = depth.shape
     map_rows, map_columns = light_map.shape
     lit = np.ones((rows, columns), np.float32)
-    across, down = _make_spiral(taps)
+    across, down = _make_spiral(n_samples)
     point = np.empty(3)
     place = np.empty(3)  # the point in the axes of the light
     reach = 1.0 + softness_m / pixel_m  # of the disc of samples, in pixels of the map
@@ -212,25 +227,35 @@ def compute_lit_fraction(
             angle = _compute_pixel_angle(row, column)
             turn_x = softness_m * math.cos(angle)
             turn_y = softness_m * math.sin(angle)
-            open_taps = 0
-            for tap in range(taps):
+            n_open = 0
+            for sample in range(n_samples):
                 map_column = int(
-                    (place[0] + turn_x * across[tap] - turn_y * down[tap] - origin[0])
+                    (
+                        place[0]
+                        + turn_x * across[sample]
+                        - turn_y * down[sample]
+                        - origin[0]
+                    )
                     / pixel_m
                 )
                 map_row = int(
-                    (place[1] + turn_y * across[tap] + turn_x * down[tap] - origin[1])
+                    (
+                        place[1]
+                        + turn_y * across[sample]
+                        + turn_x * down[sample]
+                        - origin[1]
+                    )
                     / pixel_m
                 )
                 is_inside = 0 <= map_column < map_columns and 0 <= map_row < map_rows
                 if not is_inside or light_map[map_row, map_column] <= place[2] + bias_m:
-                    open_taps += 1
-            lit[row, column] = open_taps / taps
+                    n_open += 1
+            lit[row, column] = n_open / n_samples
     return lit
 
 
 @compiled
-def compute_openness(depth, normals, camera, mask, radius_m, taps):
+def compute_openness(depth, normals, camera, mask, radius_m, n_samples):
     """Compute the fraction of the sky that each visible point sees past its neighbours.
 
     Parameters
@@ -245,7 +270,7 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
         Pixels that are near a body. The others see the whole sky.
     radius_m : float
         Radius of the disc of neighbours.
-    taps : int
+    n_samples : int
         Number of neighbours.
 
     Returns
@@ -255,7 +280,7 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
     """
     rows, columns = depth.shape
     open_sky = np.ones((rows, columns), np.float32)
-    across, down = _make_spiral(taps)
+    across, down = _make_spiral(n_samples)
     point = np.empty(3)
     neighbour = np.empty(3)
     for row in range(rows):
@@ -270,24 +295,25 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
             turn_x = reach_px * math.cos(angle)
             turn_y = reach_px * math.sin(angle)
             hidden = 0.0
-            for tap in range(taps):
-                r = int(row + turn_y * across[tap] + turn_x * down[tap])
-                c = int(column + turn_x * across[tap] - turn_y * down[tap])
+            for sample in range(n_samples):
+                r = int(row + turn_y * across[sample] + turn_x * down[sample])
+                c = int(column + turn_x * across[sample] - turn_y * down[sample])
                 if not (0 <= r < rows and 0 <= c < columns) or math.isinf(depth[r, c]):
                     continue
                 write_place(camera, depth.shape, r, c, depth[r, c], neighbour)
                 height = 0.0  # of the neighbour above the surface
-                squared_distance = 1e-18
+                squared_distance = 1e-18  # not 0, because the distance is a divisor
                 for k in range(3):
                     step = neighbour[k] - point[k]
                     height += step * normals[row, column, k]
                     squared_distance += step * step
                 # The higher and the nearer a neighbour is, the more of the sky it
-                # hides. Neighbours near the plane of the surface, or far away, hide
-                # nothing.
+                # hides. Neighbours near the plane of the surface hide nothing, because
+                # they may belong to the same surface. Neither do those far away. The
+                # numbers were chosen by eye.
                 distance = math.sqrt(squared_distance)
                 hidden += max(0.0, height / distance - 0.08) * max(
                     0.0, 1.0 - 0.4 * distance / radius_m
                 )
-            open_sky[row, column] = max(0.0, 1.0 - 1.9 * hidden / taps)
+            open_sky[row, column] = max(0.0, 1.0 - 1.9 * hidden / n_samples)
     return open_sky

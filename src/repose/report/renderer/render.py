@@ -18,14 +18,16 @@ from repose.report.renderer.backdrop import DrumInside
 from repose.report.renderer.bodies import Bodies, Drawable, place_bodies
 from repose.report.renderer.scenery import (
     Frustum,
-    Setting,
+    Scenery,
     find_frame_points,
     look_at,
-    make_setting,
+    make_scenery,
 )
 
 if TYPE_CHECKING:
     import trimesh
+
+DEFAULT_HEIGHT_FACTOR = 0.6  # height of a picture over its width
 
 
 def render_pile(
@@ -57,8 +59,8 @@ def render_pile(
         Red, green and blue.
     """
     plate_m = None if backdrop else 0.0
-    setting = Setting(plate_m, frusta=tuple(walls), backdrop=backdrop)
-    return render_bodies(centres_m, quaternions, [particle], setting=setting, **view)
+    scenery = Scenery(plate_m, frusta=tuple(walls), backdrop=backdrop)
+    return render_bodies(centres_m, quaternions, [particle], scenery=scenery, **view)
 
 
 def render_bodies(  # noqa: PLR0913  (each has a default that a picture may change)
@@ -67,7 +69,7 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     shapes: Sequence[Drawable],
     shape_ids: np.ndarray | None = None,
     scales: np.ndarray | None = None,
-    setting: Setting | None = None,
+    scenery: Scenery | None = None,
     width: int = 1000,
     height: int | None = None,
     frame_m: np.ndarray | None = None,
@@ -88,18 +90,20 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     shapes : sequence of Drawable
         The shapes.
     shape_ids : array (N,) of int, optional
-        Number of each body's shape in `shapes`. By default, all have the first shape.
+        Index of each body's shape in `shapes`. By default, all have the first shape.
     scales : array (N,), optional
-        Sizes of the bodies as multiples of their shapes.
-    setting : Setting, optional
+        Sizes of the bodies as multiples of their shapes; 1 by default.
+    scenery : Scenery, optional
         Walls, plate and backdrop. The default is a plate at z = 0.
     width, height : int
-        Size of the picture in pixels. By default, the height follows from the width.
+        Size of the picture in pixels. By default, the height is
+        `DEFAULT_HEIGHT_FACTOR` times the width.
     frame_m : array (M, 3), optional
         Points that the picture must contain. By default, it contains all bodies and
         walls.
     supersample : int
-        Number of rays along each side of a pixel.
+        Number of rays along each side of a pixel. The colour of a pixel is their mean,
+        which makes edges smooth.
     colour : str
         Colour of the first shape as #rrggbb.
     **angles
@@ -112,35 +116,37 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
         Red, green and blue.
     """
     # Set the defaults of missing arguments, and drop the bodies that are not drawn.
-    setting = setting or Setting()
-    height = height or round(0.6 * width)
-    shown_bodies = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
-    centres = np.asarray(centres_m, float)[shown_bodies]
+    scenery = scenery or Scenery()
+    height = height or round(DEFAULT_HEIGHT_FACTOR * width)
+    shown_indices = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
+    centres = np.asarray(centres_m, float)[shown_indices]
     if shape_ids is None:
-        shown_ids = np.zeros(len(shown_bodies), int)
+        shown_ids = np.zeros(len(shown_indices), int)
     else:
-        shown_ids = np.asarray(shape_ids)[shown_bodies]
+        shown_ids = np.asarray(shape_ids)[shown_indices]
     if scales is None:
-        shown_scales = np.ones(len(shown_bodies))
+        shown_scales = np.ones(len(shown_indices))
     else:
-        shown_scales = np.asarray(scales, float)[shown_bodies]
+        shown_scales = np.asarray(scales, float)[shown_indices]
 
-    # A pixel of the camera is a ray, and several rays make up a pixel of the picture.
     bodies = place_bodies(
         centres,
-        np.asarray(quaternions, float)[shown_bodies],
+        np.asarray(quaternions, float)[shown_indices],
         shapes=shapes,
         shape_ids=shown_ids,
         scales=shown_scales,
     )
     if frame_m is None:
         frame_m = find_frame_points(
-            centres, bodies.largest_m, walls=setting.frusta, panels=setting.panels
+            centres, bodies.largest_m, walls=scenery.frusta, panels=scenery.panels
         )
+    # The camera has a pixel for each ray, so it has more pixels than the picture.
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)
-    tints = shading.choose_tints(
-        shown_bodies[bodies.owner],
-        shown_ids[bodies.owner],
+    # The colour of a body depends on its index among all bodies, so that it does not
+    # change when another body appears.
+    colours = shading.choose_colours(
+        shown_indices[bodies.body_of_part],
+        shown_ids[bodies.body_of_part],
         n_bodies=len(centres_m),
         n_shapes=len(shapes),
         colour=colour,
@@ -148,9 +154,9 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     return shading.paint_picture(
         camera,
         bodies,
-        tints=tints,
-        frame=frame_m,
-        setting=setting,
+        colours=colours,
+        focus_points=frame_m,
+        scenery=scenery,
         supersample=supersample,
     )
 
@@ -186,24 +192,26 @@ def render_mesh(
     array (height, width, 3) of uint8
         Red, green and blue.
     """
-    first = np.zeros(1, int)
+    first = np.zeros(1, int)  # index of the only body, and of its shape
     bodies = Bodies(
         normals=np.asarray(mesh.vertex_normals)[None],
         triangles=np.asarray(mesh.faces),
         shape_ids=first,
         rotations=np.eye(3)[None],
         vertices=np.asarray(mesh.vertices)[None],
-        owner=first,
+        body_of_part=first,
         largest_m=float(np.linalg.norm(mesh.extents)) / 2,
     )
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)
-    tints = shading.choose_tints(first, first, n_bodies=1, n_shapes=1, colour=colour)
+    colours = shading.choose_colours(
+        first, first, n_bodies=1, n_shapes=1, colour=colour
+    )
     return shading.paint_picture(
         camera,
         bodies,
-        tints=tints,
-        frame=frame_m,
-        setting=Setting(None),
+        colours=colours,
+        focus_points=frame_m,
+        scenery=Scenery(None),
         supersample=supersample,
     )
 
@@ -230,6 +238,6 @@ def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
         shapes=list(simulation.shapes.values()),
         shape_ids=simulation.shape_ids,
         scales=simulation.scales,
-        setting=make_setting(simulation),
+        scenery=make_scenery(simulation),
         **view,
     )

@@ -21,9 +21,12 @@ FIELD_OF_VIEW_DEG = 24.0
 # Number of pixels in a band of rows. The temporary arrays of a band take tens of MB.
 BAND_PIXELS = 65_536
 CIRCLE_POINTS = 36
-# A unit vector whose z component is smaller points straight down, up to rounding
-# errors.
-DOWNWARDS = -1 + 1e-9
+# A unit vector whose z component is below this number points straight down, up to
+# rounding errors.
+DOWNWARD_Z = -1 + 1e-9
+# Columns of the table of planes: z of the plane's point, and z of its normal
+POINT_Z = 2
+NORMAL_Z = 5
 # Origin in m, followed by the rows of the rotation matrix to the world.
 WORLD_FRAME = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
 
@@ -43,6 +46,16 @@ class Frustum:
         """Increase of the radius over increase of the height."""
         return (self.r_high_m - self.r_low_m) / (self.z_high_m - self.z_low_m)
 
+    @property
+    def origin_m(self) -> np.ndarray:
+        """Origin (3,) of the frame in the world."""
+        return np.array(self.frame[:3], float)
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """Rotation (3, 3) from the frame to the world."""
+        return np.reshape(self.frame[3:], (3, 3)).astype(float)
+
 
 @dataclass(frozen=True, eq=False)
 class Panel:
@@ -60,10 +73,10 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Setting:
+class Scenery:
     """Scenery around the bodies."""
 
-    plate_m: float | None = 0.0  # height of an endless plate; None means no plate
+    plate_m: float | None = 0.0  # height of an infinite plate; None means no plate
     panels: tuple[Panel, ...] = ()  # opaque
     frusta: tuple[Frustum, ...] = ()  # translucent
     backdrop: DrumInside | None = None  # behind all of them
@@ -93,14 +106,14 @@ class Camera:
         -------
         x, y : array (...,)
             Columns and rows in pixels, with row 0 at the top.
-        near : array (...,)
-            Inverse depth in 1/m.
+        inverse_depth : array (...,)
+            Inverse of the depth, in 1/m. It is larger for a nearer point.
         """
         view_points = (points_m - self.eye_m) @ self.axes.T
-        near = 1.0 / view_points[..., 2]
-        x = self.width / 2 + self.focal_px * view_points[..., 0] * near
-        y = self.height / 2 - self.focal_px * view_points[..., 1] * near
-        return x, y, near
+        inverse_depth = 1.0 / view_points[..., 2]
+        x = self.width / 2 + self.focal_px * view_points[..., 0] * inverse_depth
+        y = self.height / 2 - self.focal_px * view_points[..., 1] * inverse_depth
+        return x, y, inverse_depth
 
     def rays(self, rows: slice = slice(None)) -> np.ndarray:
         """Compute the direction in the world of the ray through each pixel.
@@ -160,6 +173,7 @@ def look_at(
         angle about the z axis from the x axis.
     margin : float
         Size of the picture, as a multiple of the smallest one that contains the points.
+        The default leaves a little space at the edges.
     field_of_view_deg : float
         Angle that the longer side of the picture subtends at the camera.
 
@@ -173,13 +187,16 @@ def look_at(
     focal_px = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
 
     # Look at the middle of the points from the smallest distance at which the picture
-    # contains each of them. It contains a point if the point's offset across the view
-    # is at most its depth times half the size of the picture over the focal length.
+    # contains each of them. A point with the offsets x and z from the middle, across
+    # the view and forward, has the depth distance + z. The picture contains it if
+    #     focal_px * x / (distance + z) <= width / 2,
+    # and the same holds for y and the height. Solve this for the distance.
     view_points = points_m @ axes.T
     middle = (view_points.min(axis=0) + view_points.max(axis=0)) / 2
     offset = view_points - middle
-    share = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
-    distance = np.max(share * focal_px - offset[:, 2])
+    fraction_of_half_size = np.abs(offset[:, :2]) * 2 / (width, height)
+    largest_fraction = margin * fraction_of_half_size.max(axis=1)
+    distance = np.max(largest_fraction * focal_px - offset[:, 2])
     return Camera(
         middle @ axes + distance * -forward,
         axes,
@@ -268,7 +285,7 @@ def find_frame_points(
 
 
 def _make_circle(radius: float, z: float) -> np.ndarray:
-    """Make `CIRCLE_POINTS` points (N, 3) on a level circle about the z axis."""
+    """Make `CIRCLE_POINTS` points (N, 3) on a horizontal circle about the z axis."""
     angle = np.linspace(0, 2 * math.pi, CIRCLE_POINTS, endpoint=False)
     return np.column_stack(
         [radius * np.cos(angle), radius * np.sin(angle), np.full(CIRCLE_POINTS, z)]
@@ -290,63 +307,72 @@ def make_funnel_walls(funnel: Funnel) -> list[Frustum]:
     """
     outlet_radius = funnel.outlet_diameter_m / 2
     inlet_radius = funnel.inlet_diameter_m / 2
-    top_m = funnel.inlet_height_m
-    neck_m = funnel.outlet_height_m + funnel.tube_length_m
+    top_height_m = funnel.inlet_height_m
+    neck_height_m = funnel.outlet_height_m + funnel.tube_length_m
     # Because of the rounded rim, the cone ends a little outside the circle of the
     # outlet.
     slope = math.tan(math.radians(funnel.cone_angle_deg))
-    neck_radius = inlet_radius - (top_m - neck_m) / slope
-    cone = Frustum(neck_m, neck_radius, z_high_m=top_m, r_high_m=inlet_radius)
+    neck_radius = inlet_radius - (top_height_m - neck_height_m) / slope
+    cone = Frustum(
+        neck_height_m, neck_radius, z_high_m=top_height_m, r_high_m=inlet_radius
+    )
     if funnel.tube_length_m <= 0:
         return [cone]
     tube = Frustum(
-        funnel.outlet_height_m, outlet_radius, z_high_m=neck_m, r_high_m=outlet_radius
+        funnel.outlet_height_m,
+        outlet_radius,
+        z_high_m=neck_height_m,
+        r_high_m=outlet_radius,
     )
     return [tube, cone]
 
 
-def make_setting(
+def make_scenery(
     simulation: Simulation,
     planes: np.ndarray | None = None,
-    frames: np.ndarray | None = None,
-) -> Setting:
-    """Make a setting of the walls of a simulation, at present or in a recorded frame.
+    wall_frames: np.ndarray | None = None,
+) -> Scenery:
+    """Convert the walls of a simulation to scenery, at present or at a recorded time.
 
-    An endless level plane becomes the plate if no other plane is endless. All other
-    planes are cut off at the box of the simulation. Rounded edges are not drawn.
+    An infinite horizontal plane becomes the plate if no other plane is infinite. All
+    other planes are cut off at the box of the simulation. Rounded edges are not drawn.
 
     Parameters
     ----------
     simulation : Simulation
         The simulation.
     planes : array (P, 7), optional
-        Planes in a frame of `repose.dem.Recorder`; by default the present planes.
-    frames : array (C, 12), optional
-        Frames of the other walls, also from the recorder; by default the present
-        frames.
+        Planes at a time recorded by `repose.dem.Recorder`; by default the present
+        planes.
+    wall_frames : array (C, 12), optional
+        Frames of reference of the other walls at this time: the origin in m, followed
+        by the rows of the rotation matrix. By default, they are the present ones.
 
     Returns
     -------
-    Setting
+    Scenery
         The walls to draw.
     """
     if planes is None:
         planes = simulation.walls.planes
-    if frames is None:
-        frames = simulation.walls.frames
+    if wall_frames is None:
+        wall_frames = simulation.walls.frames
     plate_m, panels = _split_planes(simulation, planes)
 
-    # `frames` lists the cones first, then other walls, and the meshes last.
+    # The simulation lists the frames of the cones first, then those of other walls, and
+    # those of the meshes last.
     cones = simulation.wall_set.list_walls(Cone)
     meshes = simulation.wall_set.list_walls(Mesh)
+    frames_of_cones = wall_frames[: len(cones)]
+    frames_of_meshes = wall_frames[len(wall_frames) - len(meshes) :]
     frusta = [
-        _make_frustum(cone, frame) for cone, frame in zip(cones, frames, strict=False)
+        _make_frustum(cone, frame)
+        for cone, frame in zip(cones, frames_of_cones, strict=True)
     ]
-    frames_of_meshes = frames[len(frames) - len(meshes) :]
     for mesh, frame in zip(meshes, frames_of_meshes, strict=True):
         corners = transform_to_world(np.asarray(frame, float), mesh.vertices_m)
         panels += [Panel(corners[face]) for face in mesh.faces]
-    return Setting(plate_m, tuple(panels), tuple(frusta))
+    return Scenery(plate_m, tuple(panels), tuple(frusta))
 
 
 def _split_planes(
@@ -360,7 +386,7 @@ def _split_planes(
         The simulation, whose box limits the planes.
     planes : array (P, 7)
         A row for each plane: a point in m, the normal pointing away from the grains,
-        and a radius, which is infinite for an endless plane.
+        and a radius, which is infinite for an infinite plane.
 
     Returns
     -------
@@ -371,19 +397,20 @@ def _split_planes(
     """
     plate_m = None
     panels = []
-    is_endless = are_endless(planes)
-    for number, plane in enumerate(planes):
-        is_other = np.arange(len(planes)) != number
-        endless_others = planes[is_endless & is_other]
-        point_z = plane[2]
-        normal_z = plane[5]
-        # The normal points away from the grains, so that of a plate points down.
-        faces_up = normal_z < DOWNWARDS
-        if is_endless[number] and faces_up and not len(endless_others):
-            plate_m = float(point_z)
+    is_infinite = are_endless(planes)
+    for index, plane in enumerate(planes):
+        is_other = np.arange(len(planes)) != index
+        other_infinite_planes = planes[is_infinite & is_other]
+        # The grains lie on top of a plate. Its normal points away from them, so down.
+        is_below_grains = plane[NORMAL_Z] < DOWNWARD_Z
+        if is_infinite[index] and is_below_grains and not len(other_infinite_planes):
+            plate_m = float(plane[POINT_Z])
             continue
         corners = find_plane_polygon(
-            plane, simulation.lower, upper=simulation.upper, others=endless_others
+            plane,
+            simulation.lower,
+            upper=simulation.upper,
+            others=other_infinite_planes,
         )
         # A plane outside the box of the simulation has no polygon inside the box.
         if len(corners) > 2:

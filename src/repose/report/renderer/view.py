@@ -6,16 +6,16 @@ import numpy as np
 
 from repose.report.renderer import raster
 from repose.report.renderer.bodies import Bodies
-from repose.report.renderer.scenery import Camera, Panel, Setting
+from repose.report.renderer.scenery import Camera, Panel, Scenery
 
 
 @dataclass(frozen=True)
 class View:
     """What each pixel (H, W) shows: a body, a wall, the plate, the backdrop, or nothing."""
 
-    body: np.ndarray  # int32, number of the body or part, -1 if none
+    body: np.ndarray  # int32, index of the part of a body, -1 if none
     plate: np.ndarray  # bool, whether the pixel shows the plate
-    behind: np.ndarray  # bool, whether the pixel shows the backdrop
+    backdrop: np.ndarray  # bool, whether the pixel shows the backdrop
     depth: np.ndarray  # float32, in m along the view, infinite if nothing is seen
     normal: np.ndarray  # float32 (H, W, 3), unit normal
 
@@ -27,15 +27,15 @@ class View:
     @property
     def panel(self) -> np.ndarray:
         """Mask (H, W) of the panels."""
-        return np.isfinite(self.depth) & ~(self.hit | self.plate | self.behind)
+        return np.isfinite(self.depth) & ~(self.hit | self.plate | self.backdrop)
 
     def rows(self, rows: slice) -> "View":
         """Return the view of some rows, which shares memory with this view."""
         return View(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
-def compute_view(camera: Camera, bodies: Bodies, setting: Setting) -> View:
-    """Find what each pixel of a camera shows of bodies in a setting.
+def compute_view(camera: Camera, bodies: Bodies, scenery: Scenery) -> View:
+    """Find what each pixel of a camera shows: a part of a body, a wall, or the plate.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def compute_view(camera: Camera, bodies: Bodies, setting: Setting) -> View:
         The camera.
     bodies : Bodies
         The bodies.
-    setting : Setting
+    scenery : Scenery
         Walls, plate and backdrop.
 
     Returns
@@ -52,27 +52,29 @@ def compute_view(camera: Camera, bodies: Bodies, setting: Setting) -> View:
         What each pixel shows.
     """
     shape = (camera.height, camera.width)
-    x, y, near = camera.project(bodies.vertices)
-    nearest, body, triangle, weights = raster.draw_triangles(
-        x, y, near=near, triangles=bodies.triangles, shape=shape
+    x, y, inverse_depths = camera.project(bodies.vertices)
+    inverse_depth, body, triangle, weights = raster.draw_triangles(
+        x, y, nearness=inverse_depths, triangles=bodies.triangles, shape=shape
     )
     view = View(
         body=body,
         plate=np.zeros(shape, bool),
-        behind=np.zeros(shape, bool),
+        backdrop=np.zeros(shape, bool),
         depth=np.empty(shape, np.float32),
         normal=np.zeros((*shape, 3), np.float32),
     )
+    # Fill the view in bands of rows, which saves memory. A band shares its arrays with
+    # the view, so filling the band fills the view.
     for rows in camera.bands():
         band = view.rows(rows)
-        _add_setting(
+        _add_scenery(
             band,
-            nearest[rows],
+            inverse_depth[rows],
             eye=camera.eye_m,
             rays=camera.rays(rows),
-            setting=setting,
+            scenery=scenery,
         )
-        hit = band.hit
+        hit = band.hit  # only now, because a panel may hide bodies
         band.normal[hit] = _compute_body_normals(
             bodies,
             band.body[hit],
@@ -82,33 +84,40 @@ def compute_view(camera: Camera, bodies: Bodies, setting: Setting) -> View:
     return view
 
 
-def _add_setting(
-    view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray, setting: Setting
+def _add_scenery(
+    view: View,
+    inverse_depth: np.ndarray,
+    eye: np.ndarray,
+    rays: np.ndarray,
+    scenery: Scenery,
 ) -> None:
     """Add panels, plate and backdrop to a view of bodies, in place.
+
+    The order matters: panels may hide bodies, but the plate and then the backdrop only
+    fill pixels that are still empty.
 
     Parameters
     ----------
     view : View
-        The view (H, W) with the numbers of the bodies. The function fills all other
-        arrays, and removes bodies that are hidden.
-    nearest : array (H, W)
+        The view (H, W), in which only `body` is filled. The function fills all other
+        arrays except the normals of the bodies, and removes bodies that are hidden.
+    inverse_depth : array (H, W)
         Inverse depth of the bodies. It is 0 or less if the pixel shows no body in front
         of the camera.
     eye : array (3,)
         Position of the camera in m.
     rays : array (H, W, 3)
         Directions of the rays, scaled to unit depth.
-    setting : Setting
+    scenery : Scenery
         Walls, plate and backdrop.
     """
     # A body behind the camera is not seen.
-    view.body[nearest <= 0] = -1
-    depth = np.where(view.hit, 1.0 / nearest, np.inf)
+    view.body[inverse_depth <= 0] = -1
+    depth = np.where(view.hit, 1.0 / inverse_depth, np.inf)
     view.normal[..., 2] = 1.0  # the normal of the plate; other surfaces replace it
 
     # A panel hides what is behind it.
-    for panel in setting.panels:
+    for panel in scenery.panels:
         panel_depth = _compute_panel_depth(panel, eye, rays)
         is_in_front = panel_depth < depth
         depth[is_in_front] = panel_depth[is_in_front]
@@ -116,16 +125,16 @@ def _add_setting(
         view.body[is_in_front] = -1
 
     # Show the plate, and then the backdrop, only in pixels that are still empty.
-    if setting.plate_m is not None:
-        plate_depth = _compute_plate_depth(setting.plate_m, eye, rays)
+    if scenery.plate_m is not None:
+        plate_depth = _compute_plate_depth(scenery.plate_m, eye, rays)
         view.plate[...] = np.isinf(depth) & np.isfinite(plate_depth)
         depth[view.plate] = plate_depth[view.plate]
 
-    if setting.backdrop is not None:
-        backdrop_depth, backdrop_normal = setting.backdrop.find_intersections(eye, rays)
-        view.behind[...] = np.isinf(depth) & np.isfinite(backdrop_depth)
-        depth[view.behind] = backdrop_depth[view.behind]
-        view.normal[view.behind] = backdrop_normal[view.behind]
+    if scenery.backdrop is not None:
+        backdrop_depth, backdrop_normal = scenery.backdrop.find_intersections(eye, rays)
+        view.backdrop[...] = np.isinf(depth) & np.isfinite(backdrop_depth)
+        depth[view.backdrop] = backdrop_depth[view.backdrop]
+        view.normal[view.backdrop] = backdrop_normal[view.backdrop]
 
     view.depth[...] = depth
 
@@ -140,9 +149,9 @@ def _compute_body_normals(
     bodies : Bodies
         The bodies.
     part : array (M,) of int
-        Number of the body or part of each point.
+        Index of the part of each point.
     triangle : array (M,) of int
-        Number of the triangle on which the point lies.
+        Index of the triangle on which each point lies.
     weights : array (M, 2)
         Weights of the second and third corner of the triangle.
 
@@ -153,9 +162,9 @@ def _compute_body_normals(
     """
     # Interpolate between the normals at the corners.
     corners = bodies.triangles[triangle]
-    shares = np.column_stack([1 - weights.sum(axis=1), weights])
+    corner_weights = np.column_stack([1 - weights.sum(axis=1), weights])
     corner_normals = bodies.normals[bodies.shape_ids[part][:, None], corners]
-    normals = np.einsum("mk,mki->mi", shares, corner_normals)
+    normals = np.einsum("mk,mki->mi", corner_weights, corner_normals)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     # Rotate each normal from the frame of its part to the world.
     return np.einsum("mij,mj->mi", bodies.rotations[part], normals)
@@ -164,7 +173,7 @@ def _compute_body_normals(
 def _compute_plate_depth(
     plate_m: float, eye: np.ndarray, rays: np.ndarray
 ) -> np.ndarray:
-    """Compute the depth at which each ray meets the endless level plate.
+    """Compute the depth at which each ray meets the infinite horizontal plate.
 
     Parameters
     ----------
@@ -209,7 +218,10 @@ def _compute_panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = ((corners[0] - eye) @ normal) / along_normal
         is_inside = (along_normal < 0) & (depth > 0)
-        # A point is inside a convex polygon if it is on the inner side of each edge.
+        # The corners of the panel run anticlockwise around a convex polygon. A point is
+        # inside it if it is on the inner side of each edge. The point eye + depth * ray
+        # is on this side if its offset from a corner does not point outwards. The
+        # scalar product with the ray is computed first, which saves memory.
         for corner, next_corner in zip(corners, next_corners, strict=True):
             outwards = np.cross(next_corner - corner, normal)
             is_inside &= (eye - corner) @ outwards + depth * (rays @ outwards) <= 0
