@@ -187,7 +187,7 @@ VERDICTS = [
     (
         {"job_funnel": JAMMED},
         "fair",
-        r"targets met\.</b> .* How probable this is, is unknown",
+        r"targets met\.</b> .* The probability of this is unknown",
     ),
     ({}, "good", MET),
 ]
@@ -463,8 +463,11 @@ def test_the_page_says_what_the_measurements_do_not_determine(tmp_path):
     files["posterior_summary"] = tmp_path / "posterior.json"
     files["posterior_summary"].write_text('{"discrepancy_sd": [2.0204, 2.5433]}')
     for width, phrase in (
-        (1.012, "determine none of the 6 parameters: each 95 % interval covers 100 %"),
-        (0.5, "narrow 6 of the 6 parameters: the narrowest 95 % interval covers 50 %"),
+        (1.012, "determine none of the 6 parameters: each 95 % interval has 100 %"),
+        (
+            0.5,
+            "narrow the intervals of 6 of the 6 parameters: the narrowest 95 % interval has 50 %",
+        ),
     ):
         table["width_ratio"] = width
         table.to_csv(files["posterior"], index=False)
@@ -509,7 +512,5 @@ def test_a_prediction_comes_with_its_expected_optimism(tmp_path):
     table4[name_derived_column("aor_deg", "optimism")] = 0.376
     table4[name_derived_column("aor_deg", "optimism_se")] = 0.07
     table4.to_csv(tmp_path / "table4.csv", index=False)
-    sentence = (
-        "does not count the expected optimism (angle of repose: expected optimism"
-    )
+    sentence = "does not include the expected optimism of the prediction (angle of repose: expected optimism"
     assert f"{sentence} +0.376 ± 0.070 deg)" in written(study, tmp_path)

@@ -33,21 +33,31 @@ class StudyView:
 
     @cached_property
     def settings(self) -> "StudySettings":
-        """The sections as typed attributes; a missing section has no attribute."""
+        """The sections of the configuration as attributes, with their types.
+
+        The configuration may lack sections. Reading the attribute of such a section
+        raises AttributeError, unless the section has a default.
+        """
         from repose.config.models import make_settings_type  # slow to import
 
-        model = make_settings_type()
+        settings_type = make_settings_type()
         sections: dict[str, Any] = {}
         for name, value in self.config.items():
             # Studies in research/ have further sections, which have no type.
-            if name not in model.model_fields:
+            if name not in settings_type.model_fields:
                 continue
-            kind = model.model_fields[name].annotation
-            is_mapping = isinstance(value, Mapping)
-            if is_mapping and isinstance(kind, type) and issubclass(kind, Section):
-                value = kind.model_construct(**value)
+            # The annotation of a section is a class. Other values have annotations such
+            # as `float | None`, which are no classes, and stay as they are.
+            annotation = settings_type.model_fields[name].annotation
+            is_section = isinstance(annotation, type) and issubclass(
+                annotation, Section
+            )
+            if is_section and isinstance(value, Mapping):
+                value = annotation.model_construct(**value)
             sections[name] = value
-        return model.model_construct(**sections)
+        # `model_construct` does not check the values, because they have already been
+        # checked, and because sections may be missing.
+        return settings_type.model_construct(**sections)
 
     @property
     def simulator(self) -> str | None:

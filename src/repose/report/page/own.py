@@ -19,10 +19,12 @@ INTERVALS_KEY = "intervals"
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """Write the report of a calibration as one HTML file.
 
+    The calibration is first converted to the results that the report of any study has.
+
     Parameters
     ----------
     calibration : Calibration
-        The answer of a study.
+        The outcome of a study, with its answer.
     out_path : path
         The file to write.
 
@@ -32,26 +34,29 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         If `out_path` is not a path.
     """
     out_path = convert_to_path("path", out_path)
-    # Arrange the calibration as the results of a study.
     study = calibration.study
+    # The probabilities of single targets are unknown, only that of all together.
     probability: dict[str, float | None] = dict.fromkeys(study.targets.names)
     probability["all"] = calibration.probability["inside"]
     within = {
         percent: calibration.probability[column]
         for percent, column in WITHIN_COLUMNS.items()
     }
+    # The first row of the solutions is the answer. It is checked here in place of sets
+    # that are simulated again.
+    answer = calibration.solutions[:1]
     results = Results(
         label=study.settings.label,
         is_small_run=False,
         targets=study.targets,
         parameters=study.parameters,
-        answer_row=calibration.solutions.iloc[0],
+        answer_row=answer.iloc[0],
         probability=probability,
         probability_within=within,
         posterior=calibration.posterior.parameters.set_index("parameter"),
         surrogate=calibration.model,
         solutions=calibration.solutions,
-        checked_sets=calibration.solutions[:1],
+        checked_sets=answer,
         samples=calibration.samples,
         summary=calibration.summary,
         date=date.today().isoformat(),

@@ -44,13 +44,13 @@ def write_report(
     out_path : path
         File of the page.
     """
-    study = read_results(config, jobs, files)
+    results = read_results(config, jobs, files)
     frames = {title: read_table(path) for title, path in tables.items()}
-    write_report_of_results(study, frames, out_path)
+    write_report_of_results(results, frames, out_path)
 
 
 def write_report_of_results(
-    study: Results,
+    results: Results,
     tables: Mapping[str, "pd.DataFrame"],
     out_path: str | os.PathLike[str],
 ) -> None:
@@ -58,7 +58,7 @@ def write_report_of_results(
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results.
     tables : mapping
         Further tables by title.
@@ -67,10 +67,10 @@ def write_report_of_results(
     """
     text = render_template(
         "report.html",
-        **sections.make_template_values(study, tables),
-        content=make_script_data(study),
+        **sections.make_template_values(results, tables),
+        content=make_script_data(results),
         style_sheet=read_asset("report.css"),
-        scripts=_list_scripts(has_view="trajectory" in study.files),
+        scripts=_list_scripts(has_view="trajectory" in results.files),
     )
     write_text(out_path, text)
 
@@ -84,37 +84,42 @@ def _list_scripts(has_view: bool) -> list[str]:
     return scripts
 
 
-def make_script_data(study: Results) -> dict[str, Any]:
+def make_script_data(results: Results) -> dict[str, Any]:
     """Make the data for the scripts of the page, as plain values without NaN."""
     parameters = [
-        _describe_parameter(study, name, value)
+        _describe_parameter(results, name, value)
         for name, value in zip(
-            study.parameters.names, study.answer.tolist(), strict=True
+            results.parameters.names, results.answer.tolist(), strict=True
         )
     ]
     model = None
-    if study.surrogate is not None:
+    if results.surrogate is not None:
         model = prediction.describe_surrogate(
-            study.surrogate, study.parameters, study.answer
+            results.surrogate, results.parameters, results.answer
         )
     return {
         "parameters": parameters,
         "constraints": [
             _describe_constraint(constraint)
-            for constraint in study.parameters.constraints
+            for constraint in results.parameters.constraints
         ],
-        "targets": [_describe_target(study, target) for target in study.targets],
-        "copy": format_parameters_to_copy(study),
-        "copyMaterial": _format_material_to_copy(study),
+        "targets": [_describe_target(results, target) for target in results.targets],
+        "copy": format_answer_as_yaml(results),
+        "copyMaterial": _format_material_to_copy(results),
         "model": model,
-        "pour": _describe_pour(study),
+        "pour": _describe_pour(results),
     }
 
 
-def format_parameters_to_copy(study: Results) -> str:
-    """Format the parameters of the answer as YAML for the user to copy."""
-    lines = [f"# {study.label}: {make_verdict(study).text}"]
-    for name, value in zip(study.parameters.names, study.answer.tolist(), strict=True):
+def format_answer_as_yaml(results: Results) -> str:
+    """Format the parameters of the answer as YAML for the user to copy.
+
+    The first line is a comment with the name of the study and the verdict.
+    """
+    lines = [f"# {results.label}: {make_verdict(results).text}"]
+    for name, value in zip(
+        results.parameters.names, results.answer.tolist(), strict=True
+    ):
         line = f"{name}: {value:.6g}"
         if name in LABELS:
             line += f"  # {LABELS[name]}"
@@ -122,20 +127,20 @@ def format_parameters_to_copy(study: Results) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _format_material_to_copy(study: Results) -> str | None:
+def _format_material_to_copy(results: Results) -> str | None:
     """Format the values for another program as text; None if there are none."""
-    section = sections.make_material_section(study)
+    section = sections.make_material_section(results)
     if section is None:
         return None
     return format_tables([section.values, section.laws])
 
 
-def _describe_parameter(study: Results, name: str, value: float) -> dict[str, Any]:
+def _describe_parameter(results: Results, name: str, value: float) -> dict[str, Any]:
     """Describe one parameter as plain values for the scripts.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
     name : str
         Name of the parameter.
@@ -147,11 +152,11 @@ def _describe_parameter(study: Results, name: str, value: float) -> dict[str, An
     dict
         The values by key. The ends of the range are None for a fixed parameter.
     """
-    is_fixed = name in study.parameters.fixed
+    is_fixed = name in results.parameters.fixed
     low = None
     high = None
     if not is_fixed:
-        low, high = parameter_ranges(study.parameters)[name]
+        low, high = parameter_ranges(results.parameters)[name]
     parameter = {
         "name": name,
         "label": LABELS.get(name, ""),  # parameters of other simulators have none
@@ -160,8 +165,8 @@ def _describe_parameter(study: Results, name: str, value: float) -> dict[str, An
         "low": low,
         "high": high,
     }
-    if name in study.parameters.scale:
-        parameter["scale"] = study.parameters.scale[name]
+    if name in results.parameters.scale:
+        parameter["scale"] = results.parameters.scale[name]
     return parameter
 
 
@@ -174,16 +179,21 @@ def _describe_constraint(constraint: Constraint) -> dict[str, Any]:
     }
 
 
-def _describe_target(study: Results, target: Target) -> dict[str, Any]:
+def _describe_target(results: Results, target: Target) -> dict[str, Any]:
     """Describe one target as plain values for the scripts.
 
-    `axis` holds the limits of the target's gauge. They enclose the samples, the target
-    range, the measured mean with its standard deviation, and the simulated mean.
+    `report.js` reads the values by these keys. `standardError` is the standard error of
+    the measured mean, and `error` that of the simulated mean. `optimism` is the error
+    of the prediction that is expected because the search favours points where the
+    surrogate errs towards the target. `axis` holds the limits of the target's gauge.
+    They enclose the samples, the target range, the measured mean with its standard
+    deviation, and the simulated mean.
     """
+    # Attributes of the response such as `simulated` are names of columns.
     response = target.response
-    simulated = study.get_number(response.simulated)
+    simulated = results.get_number(response.simulated)
     values = [
-        *study.samples[target.name].dropna(),
+        *results.samples[target.name].dropna(),
         target.low,
         target.high,
         target.value - target.sd,
@@ -202,20 +212,20 @@ def _describe_target(study: Results, target: Target) -> dict[str, Any]:
         "low": target.low,
         "high": target.high,
         "simulated": simulated,
-        "error": study.get_number(response.standard_error),
-        "optimism": study.get_number(response.optimism),
-        "optimismError": study.get_number(response.optimism_error),
+        "error": results.get_number(response.standard_error),
+        "optimism": results.get_number(response.optimism),
+        "optimismError": results.get_number(response.optimism_error),
         "axis": [float(min(values) - margin), float(max(values) + margin)],
     }
 
 
-def _describe_pour(study: Results) -> dict[str, Any] | None:
+def _describe_pour(results: Results) -> dict[str, Any] | None:
     """Describe the pour of the 3-D view as plain values; None without a trajectory."""
-    if "trajectory" not in study.files or study.settings is None:
+    if "trajectory" not in results.files or results.settings is None:
         return None
     pour = scene.export_pour(
-        study.files["trajectory"],
-        Particle.load(study.files["particle"]),
-        study.settings.funnel,
+        results.files["trajectory"],
+        Particle.load(results.files["particle"]),
+        results.settings.funnel,
     )
-    return pour | {"colour": study.settings.colour}
+    return pour | {"colour": results.settings.colour}

@@ -13,7 +13,7 @@ from repose.common.errors import InputError
 LONGEST_SIDE_PX = 1600
 CSS_DPI = 96
 # At this scale, the smallest text of a figure, of 6 points, is 9 pixels high.
-SMALLEST_SCALE = 1.1
+MIN_SCALE = 1.1
 PALETTE_COLOURS = 128
 JPEG_QUALITY = 85
 
@@ -27,15 +27,16 @@ class EmbeddedPicture(NamedTuple):
     data_url: str
     width: int
     height: int
-    least_width: int  # smallest width at which the page shows the picture
+    min_width: int  # smallest width at which the page shows the picture
 
 
 def embed_picture(source: PictureSource, caption: str) -> EmbeddedPicture:
     """Embed a picture in the page.
 
-    A large picture is reduced. A PNG file that states a resolution is taken for a
-    figure with text. The page shows it at least at `SMALLEST_SCALE` times its size on
-    paper, so that the text stays readable.
+    A picture with a side of more than `LONGEST_SIDE_PX` is scaled down. A PNG file is
+    taken for a drawing, and any other file for a photograph. If a PNG file states a
+    resolution, it probably contains text. The page shows it at least at `MIN_SCALE`
+    times its size on paper, so that the text stays readable.
 
     Parameters
     ----------
@@ -63,17 +64,18 @@ def embed_picture(source: PictureSource, caption: str) -> EmbeddedPicture:
         raise InputError(
             source, key="picture", value=str(error), allowed="a PNG or JPEG file"
         ) from error
-    # The width on paper in inches is the number of pixels over the dots per inch.
-    least_width = 0
+    # The width on paper in inches is the number of pixels over the dots per inch. Use
+    # the original number of pixels, so do this before the picture is scaled down.
+    min_width = 0
     if is_drawing and dpi:
-        least_width = round(SMALLEST_SCALE * CSS_DPI * image.width / dpi)
+        min_width = round(MIN_SCALE * CSS_DPI * image.width / dpi)
     image.thumbnail((LONGEST_SIDE_PX, LONGEST_SIDE_PX))
     return EmbeddedPicture(
         caption=caption,
         data_url=_encode_data_url(image, is_drawing),
         width=image.width,
         height=image.height,
-        least_width=least_width,
+        min_width=min_width,
     )
 
 

@@ -89,6 +89,9 @@ def describe_surrogate(
 def _describe_networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     """Collect the weights of a network, or of each network of an ensemble.
 
+    `network.js` reads the values by these keys. The page computes the standard errors of
+    predictions from a matrix R whose product R @ R.T is the covariance of the weights.
+
     Parameters
     ----------
     surrogate : BayesianBP or NetworkEnsemble
@@ -97,9 +100,9 @@ def _describe_networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any
     Returns
     -------
     dict
-        `kind` is ``network``. `members` contains the weights of each network, with a
-        root of their covariance as `root`, from `pack_array`. The other keys describe
-        the scaling of inputs and outputs, which all networks share.
+        `kind` is ``network``. `members` contains the weights of each network, with the
+        matrix R as `root`, packed by `pack_array`. The other keys describe the scaling
+        of inputs and outputs, which all networks share.
     """
     if isinstance(surrogate, NetworkEnsemble):
         networks: list[BayesianBP] = surrogate.members_
@@ -109,9 +112,11 @@ def _describe_networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any
     for network in networks:
         content = network.to_dict()
         member = {key: content[key] for key in MEMBER_ARRAYS}
+        # The matrix is large, and single precision is enough for a standard error.
         member["root"] = pack_array(network.posterior_root_, "<f4")
         members.append(member)
-    # All networks share the scaling of the first one.
+    # An ensemble trains all its networks with the same scaling, so take that of the
+    # first one.
     first_content = networks[0].to_dict()
     scaling = {key: first_content[key] for key in SCALING_KEYS}
     return scaling | {"kind": "network", "members": members}
@@ -134,14 +139,15 @@ def _predict_curves_and_planes(
     Returns
     -------
     dict
-        `kind` is ``curves``. The keys of `curves` are names of parameters, and those of
-        `planes` are pairs of names, such as ``first second``. Each entry contains the
-        mean and the standard deviation. The arrays of a plane (points, points,
-        responses) come from `pack_array`, and their rows belong to the first parameter.
-        `planePoints` is the number of points along each side.
+        `kind` is ``curves``, although there are also planes. The keys of `curves` are
+        names of parameters, and those of `planes` are pairs of names, such as ``first
+        second``. Each entry contains the mean and the standard deviation. The arrays of
+        a plane have the shape (points, points, responses). Their first index is that of
+        the first parameter. They are packed by `pack_array`. `planePoints` is the
+        number of points along each side. `report.js` reads the values by these keys.
     """
     curves = {}
-    n_responses = 0
+    n_responses = 0  # the same for all parameters
     for name in parameters.free:
         points = np.tile(np.asarray(answer, dtype=float), (CURVE_POINTS, 1))
         column = parameters.names.index(name)

@@ -38,7 +38,7 @@ from repose.report.page.material import (
 from repose.report.page.pictures import EmbeddedPicture, embed_captioned_pictures
 from repose.report.page.prediction import has_network, unwrap_scales
 from repose.report.page.study import Results
-from repose.report.page.tables import FoldedTable, Table, fold_table
+from repose.report.page.tables import CollapsibleTable, Table, make_collapsible_table
 from repose.report.page.verdict import (
     VerdictText,
     format_percent,
@@ -49,7 +49,7 @@ from repose.report.study_view import parameter_ranges
 from repose.stages.card import read_card as read_card
 from repose.stages.dataset import describe_counts
 
-# The last step of a study whose runs another program made.
+# The last step of a study whose runs another program made
 OTHER_PROGRAM_STEP = (
     "The runs were made by another program, so this report has no grain, no drum, no "
     "published sets and no pictures of piles."
@@ -84,8 +84,10 @@ class AnswerSection:
     impossible_targets: list[str]
     origin: str  # when, and by which version and machine, the results were made
     determination: str  # how many parameters are determined; empty without intervals
-    sets_inside: str  # how many samples meet the targets; empty if there are few
-    nearness: str  # of the simulated means; empty if the answer was not simulated again
+    samples_meeting_targets: str  # how many there are; empty if there are few
+    # How far the simulated means are from the measured ones; empty if the answer was not
+    # simulated again
+    differences: str
     near_bounds: str  # parameters that may be at a bound; empty without any
     table: Table
     has_intervals: bool
@@ -145,32 +147,34 @@ class MethodSection:
 # --- The answer -----------------------------------------------------------------------
 
 
-def make_answer_section(study: Results) -> AnswerSection:
+def make_answer_section(results: Results) -> AnswerSection:
     """Describe the parameters, their intervals, and whether they meet the targets."""
-    posterior = study.posterior
+    posterior = results.posterior
     is_unsettled = posterior is not None and posterior["r_hat"].max() > MAX_R_HAT
     return AnswerSection(
-        label=study.label,
-        verdict=make_verdict(study),
-        impossible_targets=list_impossible_targets(study.files),
-        origin=_describe_origin(study),
-        determination=_describe_determination(study),
-        sets_inside=_describe_sets_inside(study),
-        nearness=_describe_nearness(study),
-        near_bounds=_describe_near_bounds(study),
-        table=_make_parameter_table(study),
+        label=results.label,
+        verdict=make_verdict(results),
+        impossible_targets=list_warnings_of_impossible_targets(results.files),
+        origin=_describe_origin(results),
+        determination=_describe_determination(results),
+        samples_meeting_targets=_describe_samples_meeting_targets(results),
+        differences=_describe_differences(results),
+        near_bounds=_describe_near_bounds(results),
+        table=_make_parameter_table(results),
         has_intervals=posterior is not None,
         intervals_are_unsettled=bool(is_unsettled),
     )
 
 
-def list_impossible_targets(files: Mapping[str, str]) -> list[str]:
-    """List the card's warnings about angles that no pile of this height can have.
+def list_warnings_of_impossible_targets(files: Mapping[str, str]) -> list[str]:
+    """List the card's warnings about angles that no pile of the measured height can have.
 
-    Without a card, the list is empty.
+    Without a material card, the list is empty.
     """
     if "card" not in files:
         return []
+    # A bench test has the key `reach` if the card compares its targets with the angles
+    # that are possible.
     sentences = []
     for test in read_card(files["card"])["tests"]:
         if "reach" in test and not test["reach"]["possible"]:
@@ -178,22 +182,25 @@ def list_impossible_targets(files: Mapping[str, str]) -> list[str]:
     return sentences
 
 
-def _describe_origin(study: Results) -> str:
+def _describe_origin(results: Results) -> str:
     """State when the results were made, and by which version and processor."""
-    version = study.origin.get("repose")
-    processor = study.origin.get("processor")
+    version = results.origin.get("repose")
+    processor = results.origin.get("processor")
     commit = ""
-    if study.origin.get("commit"):
-        commit = f", commit {study.origin['commit']}"
-    return f"Results of {study.date}, by repose {version}{commit}, on {processor}."
+    if results.origin.get("commit"):
+        commit = f", commit {results.origin['commit']}"
+    return f"Results of {results.date}, by repose {version}{commit}, on {processor}."
 
 
-def _describe_determination(study: Results) -> str:
-    """Describe how many parameters the measurements determine.
+def _describe_determination(results: Results) -> str:
+    """Describe for how many parameters the measurements narrow the 95 % interval.
+
+    An interval counts as narrowed if its width is less than `UNDETERMINED_FRACTION` of
+    what it would be without the measurements.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -201,44 +208,49 @@ def _describe_determination(study: Results) -> str:
     str
         One sentence. It is empty if the study has no intervals of the parameters.
     """
-    if study.posterior is None:
+    if results.posterior is None:
         return ""
-    shares = study.posterior["width_ratio"]
-    n_parameters = len(shares)
-    n_determined = int((shares < UNDETERMINED_FRACTION).sum())
+    # Width of each interval, divided by its width without the measurements.
+    width_fractions = results.posterior["width_ratio"]
+    n_parameters = len(width_fractions)
+    n_narrowed = int((width_fractions < UNDETERMINED_FRACTION).sum())
     # The intervals are estimates, so this fraction may slightly exceed 1.
-    narrowest = 100 * min(shares.min(), 1.0)
-    condition = f"With the assumed error of the simulator{_list_assumed_errors(study)}"
-    if n_determined == 0:
+    narrowest = 100 * min(width_fractions.min(), 1.0)
+    condition = (
+        f"With the assumed error of the simulator{_list_assumed_errors(results)}"
+    )
+    if n_narrowed == 0:
         return (
             f"{condition}, the measurements determine none of the {n_parameters} "
-            f"parameters: each 95 % interval covers {narrowest:.0f} % or more of its width "
-            "without them."
+            f"parameters: each 95 % interval has {narrowest:.0f} % or more of the width "
+            "that it would have without the measurements."
         )
     return (
-        f"{condition}, the measurements narrow {n_determined} of the {n_parameters} "
-        f"parameters: the narrowest 95 % interval covers {narrowest:.0f} % of its width "
-        "without them."
+        f"{condition}, the measurements narrow the intervals of {n_narrowed} of the "
+        f"{n_parameters} parameters: the narrowest 95 % interval has {narrowest:.0f} % of the width that "
+        "it would have without the measurements."
     )
 
 
-def _list_assumed_errors(study: Results) -> str:
+def _list_assumed_errors(results: Results) -> str:
     """List the assumed errors in brackets, such as `` (2 deg, 2.5 mm)``."""
-    if not study.assumed_errors:
+    if not results.assumed_errors:
         return ""
     errors = [
         _format_with_unit(error, target.response.unit)
-        for target, error in zip(study.targets, study.assumed_errors, strict=True)
+        for target, error in zip(results.targets, results.assumed_errors, strict=True)
     ]
     return f" ({', '.join(errors)})"
 
 
-def _describe_sets_inside(study: Results) -> str:
+def _describe_samples_meeting_targets(results: Results) -> str:
     """Describe how many samples meet all targets, and how far apart they are.
+
+    A sample is a simulated parameter set.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -246,28 +258,30 @@ def _describe_sets_inside(study: Results) -> str:
     str
         One sentence. It is empty if fewer than two samples meet all targets.
     """
-    samples = study.samples
+    samples = results.samples
     is_inside = np.ones(len(samples), bool)
-    for target in study.targets:
+    for target in results.targets:
         is_inside &= samples[target.name].between(target.low, target.high)
     samples_inside = samples[is_inside]
     if len(samples_inside) < 2:
         return ""
-    # For each parameter, compute the fraction of its range that these samples span.
+    # For each parameter, compute which fraction of its range these samples span. The
+    # method `shares` converts values to positions in the range, from 0 to 1.
     spans = [
-        (np.ptp(study.parameters.shares(name, samples_inside[name])), name)
-        for name in study.parameters.free
+        (np.ptp(results.parameters.shares(name, samples_inside[name])), name)
+        for name in results.parameters.free
     ]
     narrowest, narrowest_name = min(spans, key=itemgetter(0))
     widest, widest_name = max(spans, key=itemgetter(0))
     return (
         f"{len(samples_inside)} of the {len(samples)} simulated samples already lie "
-        f"inside all target ranges; they span {100 * narrowest:.0f} ({narrowest_name}) "
-        f"to {100 * widest:.0f} % ({widest_name}) of the searched ranges."
+        f"inside all target ranges; they span between {100 * narrowest:.0f} % (for "
+        f"{narrowest_name}) and {100 * widest:.0f} % (for {widest_name}) of the searched "
+        "ranges."
     )
 
 
-def _describe_nearness(study: Results) -> str:
+def _describe_differences(results: Results) -> str:
     """Describe how far the simulated means are from the measured ones.
 
     Further sentences state the scatter of single simulations and the standard errors of
@@ -275,7 +289,7 @@ def _describe_nearness(study: Results) -> str:
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -283,9 +297,9 @@ def _describe_nearness(study: Results) -> str:
     str
         The sentences; empty if the answer was not simulated again.
     """
-    if not study.get_number("n_seeds"):
-        return ""
-    checks = list(make_checks(study))
+    if not results.get_number("n_seeds"):
+        return ""  # without new seeds, the answer was not simulated again
+    checks = list(make_checks(results))
     # Name the responses by their labels, which readers understand.
     named_checks = [replace(check, response=check.label) for check in checks]
     sentences = [describe_differences(named_checks)]
@@ -301,36 +315,37 @@ def _describe_nearness(study: Results) -> str:
             f"Single simulations scatter more than their mean: by {' and '.join(scatters)} "
             "(standard deviation)."
         )
-    # The errors above are those of the simulation alone.
+    # The errors above are those of the simulation alone. That of a measured mean follows
+    # from the standard deviation of its repetitions.
     errors = [
         _format_with_unit(check.sd / math.sqrt(check.repetitions), check.unit)
         for check in checks
     ]
     sentences.append(
         f"The standard errors of the measured means, {' and '.join(errors)}, are not "
-        "in these numbers."
+        "included in these numbers."
     )
     return " ".join(sentences)
 
 
-def _describe_near_bounds(study: Results) -> str:
+def _describe_near_bounds(results: Results) -> str:
     """Describe which parameters may lie at a bound; empty if there are none."""
     clauses = [
-        describe_near_bound(near) for near in study.summary.get("near_bounds", ())
+        describe_near_bound(near) for near in results.summary.get("near_bounds", ())
     ]
     return f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(clauses)}." if clauses else ""
 
 
-def _make_parameter_table(study: Results) -> Table:
+def _make_parameter_table(results: Results) -> Table:
     """Tabulate the parameters of the answer."""
     columns = ["parameter", "meaning", "value"]
-    if study.posterior is not None:
+    if results.posterior is not None:
         columns += ["95 % interval", "left open"]
     columns.append("searched")
     rows = [
-        _make_parameter_row(study, name, value)
+        _make_parameter_row(results, name, value)
         for name, value in zip(
-            study.parameters.names, study.answer.tolist(), strict=True
+            results.parameters.names, results.answer.tolist(), strict=True
         )
     ]
     return Table(columns, rows, style="answer")
@@ -341,14 +356,16 @@ def _format_with_unit(value: float, unit: str) -> str:
     return f"{format_significant(value, 2)} {unit}".rstrip()
 
 
-def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
+def _make_parameter_row(results: Results, name: str, value: float) -> list[str]:
     """Make the cells of one parameter in the table of the answer.
 
-    If the study has intervals, two of the columns describe that of the parameter.
+    The cells must match the columns of `_make_parameter_table`. Two of the columns
+    describe the 95 % interval of the parameter, and exist only if the study has
+    intervals.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
     name : str
         Name of the parameter.
@@ -360,31 +377,30 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
     list of str
         The cells, from left to right.
     """
-    parameters = study.parameters
+    parameters = results.parameters
     label = LABELS.get(name, "")  # empty for parameters of another simulator
     if name in parameters.fixed:
-        empty_cells = [] if study.posterior is None else ["", ""]
+        empty_cells = [] if results.posterior is None else ["", ""]
         return [name, label, format_significant(value), *empty_cells, "fixed"]
 
-    # `widen_to_value` also notes whether the value lies at an end of its range.
-    if study.posterior is None:
-        interval_cells: list[str] = []
-        interval = widen_to_value(parameters, name, value=value, low=value, high=value)
-    else:
-        row = study.posterior.loc[name]
-        interval = widen_to_value(
-            parameters,
-            name,
-            value=value,
-            low=float(row["credible_low"]),
-            high=float(row["credible_high"]),
-        )
+    low = value
+    high = value
+    row = None if results.posterior is None else results.posterior.loc[name]
+    if row is not None:
+        low = float(row["credible_low"])
+        high = float(row["credible_high"])
+    # Widen the interval, if necessary, so that it contains the value. The result also
+    # contains remarks: that the interval was widened, or that the value lies at an end
+    # of its range. Without a posterior, only these remarks are used.
+    interval = widen_to_value(parameters, name, value=value, low=low, high=high)
+    interval_cells: list[str] = []
+    if row is not None:
         interval_cells = [
             _format_ends(interval["low"], interval["high"]),
             _describe_fraction_left_open(row["width_ratio"]),
         ]
     searched = _format_ends(*parameter_ranges(parameters)[name])
-    # If the label is empty, the remark begins with a separator. Remove it.
+    # `add_remark` separates label and remark by "; ". Remove it after an empty label.
     meaning = add_remark(label, interval).removeprefix("; ")
     return [name, meaning, format_significant(value, 3), *interval_cells, searched]
 
@@ -394,24 +410,27 @@ def _format_ends(low: float, high: float) -> str:
     return f"{format_significant(low, 3)} to {format_significant(high, 3)}"
 
 
-def _describe_fraction_left_open(share: float) -> str:
-    """Write how much of a parameter's range its 95 % interval leaves open.
+def _describe_fraction_left_open(width_ratio: float) -> str:
+    """Write how much of a parameter's range the measurements leave open, in percent.
 
-    The intervals are estimates, so the fraction may slightly exceed 1.
+    `width_ratio` is the width of the 95 % interval over its width without the
+    measurements. The intervals are estimates, so the ratio may slightly exceed 1.
     """
-    percent = f"{100 * min(share, 1.0):.0f} %"
-    return f"{percent}: not determined" if share >= UNDETERMINED_FRACTION else percent
+    percent = f"{100 * min(width_ratio, 1.0):.0f} %"
+    if width_ratio >= UNDETERMINED_FRACTION:
+        return f"{percent}: not determined"
+    return percent
 
 
 # --- The material ---------------------------------------------------------------------
 
 
-def make_material_section(study: Results) -> MaterialSection | None:
+def make_material_section(results: Results) -> MaterialSection | None:
     """Describe the material and the contact laws.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -420,15 +439,16 @@ def make_material_section(study: Results) -> MaterialSection | None:
         The section. It is None if the study has no card, or if another program
         simulated the study.
     """
-    if "card" not in study.files:
+    if "card" not in results.files:
         return None
-    card = read_card(study.files["card"])
+    card = read_card(results.files["card"])
     # The card of another simulator has no contact laws.
     if "laws" not in card:
         return None
-    if "simulation" not in card and study.settings is not None:
-        # Cards of earlier versions have neither gravity nor time step.
-        simulation = study.settings.simulation
+    if "simulation" not in card and results.settings is not None:
+        # Cards of earlier versions have neither gravity nor time step. Add both to the
+        # card in memory, from the configuration.
+        simulation = results.settings.simulation
         card["simulation"] = {
             "gravity_m_s2": simulation.gravity_m_s2,
             "time_step_s": simulation.time_step_s,
@@ -443,55 +463,57 @@ def make_material_section(study: Results) -> MaterialSection | None:
 # --- The check ------------------------------------------------------------------------
 
 
-def make_check_section(study: Results) -> CheckSection:
+def make_check_section(results: Results) -> CheckSection:
     """Describe measured, predicted and simulated responses, and the pile."""
     return CheckSection(
-        responses=_make_response_table(study),
-        has_simulations=study.get_number("n_seeds") is not None,
-        failures=_describe_failures(study),
-        overlaps=describe_overlaps(study.runs_of_answer),
-        angle_definitions=_make_table_of_angle_definitions(study),
-        has_view="trajectory" in study.files,
-        pile_pictures=embed_captioned_pictures(study.files, captions.PILE_PICTURES),
-        checked_sets=_make_table_of_checked_sets(study),
-        abbreviations=_explain_abbreviations(study),
-        has_published_sets=len(study.published_sets) > 0,
+        responses=_make_response_table(results),
+        has_simulations=results.get_number("n_seeds") is not None,
+        failures=_describe_failures(results),
+        overlaps=describe_overlaps(results.runs_of_answer),
+        angle_definitions=_make_table_of_angle_definitions(results),
+        has_view="trajectory" in results.files,
+        pile_pictures=embed_captioned_pictures(results.files, captions.PILE_PICTURES),
+        checked_sets=_make_table_of_checked_sets(results),
+        abbreviations=_explain_abbreviations(results),
+        has_published_sets=len(results.published_sets) > 0,
     )
 
 
-def _describe_failures(study: Results) -> str:
+def _describe_failures(results: Results) -> str:
     """Describe how many of the answer's runs failed and why; empty if none did."""
-    statuses = [run["status"] for run in study.runs_of_answer]
+    statuses = [run["status"] for run in results.runs_of_answer]
     failures = Counter(status for status in statuses if status != "ok")
     if not failures:
         return ""
     return f"Of these {len(statuses)} simulations, {describe_failures(failures, 'failed')}."
 
 
-def _make_response_table(study: Results) -> Table:
+def _make_response_table(results: Results) -> Table:
     """Tabulate the responses of the answer.
 
     Without new simulations, the last column contains the predictions.
     """
     columns = ["response", "measured", "target range", "predicted"]
-    if study.get_number("n_seeds") is not None:
+    if results.get_number("n_seeds") is not None:
         columns += ["simulated", "difference", "inside"]
     # Each row is made for all columns. Drop the cells of columns that are not shown.
     rows = [
-        _make_response_row(study, target)[: len(columns)] for target in study.targets
+        _make_response_row(results, target)[: len(columns)]
+        for target in results.targets
     ]
     return Table(columns, rows, style="check")
 
 
-def _make_response_row(study: Results, target: Target) -> list[str]:
+def _make_response_row(results: Results, target: Target) -> list[str]:
     """Make the cells of one target in the table of the responses.
 
-    There are cells for all columns, although the last columns are shown only if the
-    answer was simulated again.
+    The cells are in the order of the columns of `_make_response_table`. The last three
+    cells are about new simulations. They are made in any case, and the table drops them
+    if the answer was not simulated again.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
     target : Target
         The target.
@@ -509,32 +531,33 @@ def _make_response_row(study: Results, target: Target) -> list[str]:
     target_range = f"{target.low:g} to {target.high:g} {unit}"
 
     # Write the simulated mean, and its difference from the measured mean.
-    simulated = study.get_number(response.simulated)
-    error = study.get_number(response.standard_error)
+    simulated = results.get_number(response.simulated)
+    error = results.get_number(response.standard_error)
     simulated_text = _format_mean_with_error(simulated, error, f" {unit}")
     difference = ""
     if simulated is not None:
+        # The reference is the measured value, for most targets.
         percent = 100 * (simulated - target.value) / target.whole_value
         difference = f"{percent:+.1f} %"
 
-    inside = format_percent(study.probability[target.name])
+    probability_inside = format_percent(results.probability[target.name])
     return [
         response.label,
         measured,
         target_range,
-        _format_prediction(study, target),
+        _format_prediction(results, target),
         simulated_text,
         difference,
-        inside,
+        probability_inside,
     ]
 
 
-def _format_prediction(study: Results, target: Target) -> str:
+def _format_prediction(results: Results, target: Target) -> str:
     """Write the predicted response of the answer, with its expected optimism.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
     target : Target
         The target of the response.
@@ -545,23 +568,26 @@ def _format_prediction(study: Results, target: Target) -> str:
         The prediction; empty if there is none.
     """
     response = target.response
-    predicted = study.get_number(response.predicted)
+    predicted = results.get_number(response.predicted)
     if predicted is None:
         return ""
     text = f"{format_significant(predicted)} {response.unit}"
-    optimism = study.get_number(response.optimism)
+    optimism = results.get_number(response.optimism)
     if optimism is None:
         return text
-    expected = describe_optimism(optimism, study.get_number(response.optimism_error))
+    expected = describe_optimism(optimism, results.get_number(response.optimism_error))
     return f"{text} ({expected.replace('+-', '±')})"
 
 
-def _make_table_of_angle_definitions(study: Results) -> Table | None:
-    """Tabulate the answer's angle of repose by each definition.
+def _make_table_of_angle_definitions(results: Results) -> Table | None:
+    """Tabulate the angle of repose of the answer's piles, by each of its definitions.
+
+    The angle is the slope of a line through the side of a pile. Each definition draws
+    this line through other points of the side.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -570,20 +596,22 @@ def _make_table_of_angle_definitions(study: Results) -> Table | None:
         A row for each definition. The table is None if the study has no piles, or if
         its results do not contain all of these angles.
     """
-    measure = study.measure
-    has_all_angles = set(MEAN_KEYS.values()) <= set(study.answer_row.index)
+    measure = results.measure
+    # `MEAN_KEYS` contains the column of the mean angle for each definition.
+    has_all_angles = set(MEAN_KEYS.values()) <= set(results.answer_row.index)
     if measure is None or not has_all_angles:
         return None
     calibrated_lines = {
-        describe_line_of_response(measure, name) for name in study.targets.names
+        describe_line_of_response(measure, name) for name in results.targets.names
     }
     rows = []
     for definition, column in MEAN_KEYS.items():
         line = line_of(measure, definition)
-        mean = study.get_number(column)
-        error = study.get_number(name_error_column(column))
+        mean = results.get_number(column)
+        error = results.get_number(name_error_column(column))
         remark = "calibrated" if line in calibrated_lines else ""
         rows.append([line, _format_mean_with_error(mean, error, " deg"), remark])
+    # The column of the remarks needs no header.
     return Table(["line", "simulated", ""], rows, style="lines")
 
 
@@ -594,33 +622,41 @@ class _Cell(NamedTuple):
     value: Any
 
 
-def _make_table_of_checked_sets(study: Results) -> Table | None:
-    """Tabulate the sets that were simulated again; None if only the answer was.
+def _make_table_of_checked_sets(results: Results) -> Table | None:
+    """Tabulate the parameter sets that were simulated again, with their responses.
 
-    Published sets follow in further rows, with the numbers from their publication.
+    Published sets follow in further rows, with the numbers from their publication. The
+    result is None if no parameter set but the answer was simulated again.
     """
-    if len(study.checked_sets) < 2:
+    if len(results.checked_sets) < 2:
         return None
     cells_of_rows = [
-        _make_cells_of_set(study, row) for _, row in study.checked_sets.iterrows()
+        _make_cells_of_set(results, row) for _, row in results.checked_sets.iterrows()
     ]
-    for _, row in study.published_sets.iterrows():
+    for _, row in results.published_sets.iterrows():
         published = _mark_as_published(row)
         cells_of_rows.append(
-            _make_cells_of_set(study, published, placeholder="not published")
+            _make_cells_of_set(results, published, placeholder="not published")
         )
     return Table(
+        # All rows have the same headers.
         columns=[cell.header for cell in cells_of_rows[0]],
         rows=[[cell.value for cell in cells] for cells in cells_of_rows],
         style="sets",
-        screen_rows=len(study.published_sets),
+        # Do not print the published sets, which are the last rows.
+        screen_rows=len(results.published_sets),
     )
 
 
 def _mark_as_published(row: pd.Series) -> pd.Series:
-    """Mark the name of a published set, because the study's sets also have numbers."""
+    """Return a copy of a published set whose name and role say that it is published.
+
+    Published sets are numbered, as are the sets of the study. So the number alone would
+    not tell them apart in one table.
+    """
     name = row["solution"]
     marked = row.copy()
+    # This name stands for the set that the publication recommends.
     if name == "representative":
         marked["solution"] = "published answer"
     else:
@@ -629,25 +665,26 @@ def _mark_as_published(row: pd.Series) -> pd.Series:
     return marked
 
 
-def _explain_abbreviations(study: Results) -> str:
+def _explain_abbreviations(results: Results) -> str:
     """Explain the symbols of those responses whose label is different."""
     sentences = []
-    for response in study.targets.responses:
+    for response in results.targets.responses:
         if response.symbol != response.label:
             sentences.append(f"{response.symbol}: {response.label}.")
     return " ".join(sentences)
 
 
 def _make_cells_of_set(
-    study: Results, row: pd.Series, placeholder: str = "no result"
+    results: Results, row: pd.Series, placeholder: str = "no result"
 ) -> list[_Cell]:
     """Make the cells of one parameter set, from left to right.
 
-    The headers are the same for every set.
+    All sets must get the same headers, because they become rows of one table. So the
+    headers depend only on the study and on the columns of `checked_sets`.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
     row : Series
         The parameter set with its predicted and simulated responses.
@@ -664,15 +701,17 @@ def _make_cells_of_set(
         _Cell("role", row.get("role")),
         _Cell("runs", row.get("n_seeds")),
     ]
-    for name in study.parameters.names:
+    for name in results.parameters.names:
         cells.append(_Cell(name, format_significant(row[name], 3)))
-    for response in study.targets.responses:
+    for response in results.targets.responses:
         symbol = response.symbol
         unit = response.unit or "–"
         predicted = row.get(response.predicted)
         simulated = row.get(response.simulated)
         cells.append(_Cell(f"{symbol} predicted ({unit})", predicted))
-        if response.optimism in study.checked_sets:
+        # The expected optimism is by how much a prediction probably exceeds the truth. It
+        # is not known in every study, and never for published sets.
+        if response.optimism in results.checked_sets:
             optimism = _format_mean_with_error(
                 row.get(response.optimism),
                 row.get(response.optimism_error),
@@ -735,12 +774,12 @@ def _format_mean_with_error(
 # --- The drum -------------------------------------------------------------------------
 
 
-def make_drum_section(study: Results) -> DrumSection | None:
+def make_drum_section(results: Results) -> DrumSection | None:
     """Describe the check of the answer in the drum.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -748,31 +787,32 @@ def make_drum_section(study: Results) -> DrumSection | None:
     DrumSection or None
         The section; None if the study does not include this check.
     """
-    if "drum_summary" not in study.files:
+    if "drum_summary" not in results.files:
         return None
-    summary = read_table(study.files["drum_summary"], ("quantity", "key", "mean"))
+    summary = read_table(results.files["drum_summary"], ("quantity", "key", "mean"))
     summary = summary.set_index("key")
     rows = []
     for key, unit in DRUM_QUANTITIES.items():
         if key in summary.index:
-            row = summary.loc[key]
+            quantity = summary.loc[key]
             mean = _format_mean_with_error(
-                row["mean"], row["standard_error"], f" {unit}"
+                quantity["mean"], quantity["standard_error"], f" {unit}"
             )
-            rows.append([row["quantity"], mean, f"{row['runs']:.0f}"])
-    # Only a study with published sets belongs to the article.
+            rows.append([quantity["quantity"], mean, f"{quantity['runs']:.0f}"])
+    # Only the study of the article's grain has published sets. Other studies have
+    # nothing to compare.
     comparison = ""
-    if len(study.published_sets) > 0:
+    if len(results.published_sets) > 0:
         comparison = _compare_slip_with_article(summary)
     return DrumSection(
         comparison=comparison,
         table=Table(["quantity", "simulated", "runs"], rows, style="drum"),
-        figures=embed_captioned_pictures(study.files, captions.DRUM_FIGURES),
+        figures=embed_captioned_pictures(results.files, captions.DRUM_FIGURES),
     )
 
 
 def _compare_slip_with_article(summary: pd.DataFrame) -> str:
-    """Compare when the bed slips in the simulation and in the article.
+    """Compare the first slip of the bed of grains in the simulation and in the article.
 
     Parameters
     ----------
@@ -782,19 +822,21 @@ def _compare_slip_with_article(summary: pd.DataFrame) -> str:
     Returns
     -------
     str
-        The sentences. They are empty if the angle of the slip, or that of the reported
-        time, is missing.
+        The sentences. They are empty if one of two angles is missing: `SLIP_ANGLE`, at
+        the first slip, or `REPORT_ANGLE`, at the end of the article's run.
     """
     if SLIP_ANGLE not in summary.index or REPORT_ANGLE not in summary.index:
         return ""
     slip_deg = summary.loc[SLIP_ANGLE, "mean"]
     report_deg = summary.loc[REPORT_ANGLE, "mean"]
     comparison = (
-        "By its times, the article's run ends when its drum has turned by "
-        f"{report_deg:.0f}°. It shows the bed after a slip and states no angle. Here "
-        f"the bed first slips at {slip_deg:.0f}°."
+        "According to the times in the article, the drum has turned by "
+        f"{report_deg:.0f}° at the end of its run. The article shows the bed after a "
+        "slip, but does not state the angle of the slip. Here the bed first slips at "
+        f"{slip_deg:.0f}°."
     )
-    # If the bed slips later than this, the simulation shows no slip at that time.
+    # If the bed slips at a larger angle, it has not slipped yet when the article's run
+    # ends, but the bed in the article has.
     if slip_deg > report_deg:
         comparison += " So in this test the simulation disagrees with the article."
     return comparison
@@ -803,45 +845,45 @@ def _compare_slip_with_article(summary: pd.DataFrame) -> str:
 # --- Other parameters, the method, the tables -----------------------------------------
 
 
-def make_other_parameters_section(study: Results) -> OtherParametersSection | None:
+def make_other_parameters_section(results: Results) -> OtherParametersSection | None:
     """Describe the surrogate behind the sliders; None without a surrogate."""
-    if study.surrogate is None:
+    if results.surrogate is None:
         return None
-    surrogate = unwrap_scales(study.surrogate)
+    surrogate = unwrap_scales(results.surrogate)
     return OtherParametersSection(
         surrogate.name,
         has_network(surrogate),
         constraints=", ".join(
-            constraint.text for constraint in study.parameters.constraints
+            constraint.text for constraint in results.parameters.constraints
         ),
     )
 
 
-def make_method_section(study: Results) -> MethodSection:
+def make_method_section(results: Results) -> MethodSection:
     """Describe the steps to the answer, with their figures."""
     return MethodSection(
-        steps=_list_steps(study),
-        search_result=_describe_search_result(study),
-        sets_found=_make_table_of_sets_found(study),
-        figures=embed_captioned_pictures(study.files, study.captions),
+        steps=_list_steps(results),
+        search_result=_describe_search_result(results),
+        sets_found=_make_table_of_sets_found(results),
+        figures=embed_captioned_pictures(results.files, results.captions),
     )
 
 
-def _describe_search_result(study: Results) -> str:
+def _describe_search_result(results: Results) -> str:
     """Describe how many parameter sets the search kept."""
-    kind = "meet the targets" if study.summary["feasible"] else "come nearest"
+    kind = "meet the targets" if results.summary["feasible"] else "come nearest"
     return (
-        f"The search kept {len(study.solutions)} parameter sets that are predicted to "
+        f"The search kept {len(results.solutions)} parameter sets that are predicted to "
         f"{kind}."
     )
 
 
-def _make_table_of_sets_found(study: Results) -> Table | None:
-    """Tabulate the ranges of the parameters in the sets that the search kept.
+def _make_table_of_sets_found(results: Results) -> Table | None:
+    """Tabulate between which values each parameter lies in the sets of the search.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -849,29 +891,33 @@ def _make_table_of_sets_found(study: Results) -> Table | None:
     Table or None
         A row for each free parameter; None if the search kept fewer than two sets.
     """
-    if len(study.solutions) < 2:
+    if len(results.solutions) < 2:
         return None
     rows = []
-    for name, (low, high) in parameter_ranges(study.parameters).items():
-        values = study.solutions[name]
+    for name, (low, high) in parameter_ranges(results.parameters).items():
+        values = results.solutions[name]
         searched = f"{low:.3g} to {high:.3g}"
         rows.append([name, f"{values.min():.3g} to {values.max():.3g}", searched])
-    return Table(["parameter", "smallest to largest value", "searched"], rows, "lines")
+    columns = ["parameter", "smallest to largest value", "searched"]
+    return Table(columns, rows, style="lines")
 
 
-def _list_steps(study: Results) -> list[str]:
+def _list_steps(results: Results) -> list[str]:
     """List the steps to the answer, in one sentence each."""
-    if study.simulator is not None:
-        return [*_list_strategy_steps(study), OTHER_PROGRAM_STEP]
-    return _list_strategy_steps(study)
+    if results.simulator is not None:
+        return [*_list_strategy_steps(results), OTHER_PROGRAM_STEP]
+    return _list_strategy_steps(results)
 
 
-def _list_strategy_steps(study: Results) -> list[str]:
-    """List the steps that the strategy reports, or those of the article's method.
+def _list_strategy_steps(results: Results) -> list[str]:
+    """List the steps to the answer, from the design to the check.
+
+    If the strategy reports its own steps, they are returned. Otherwise the steps are
+    those of the default method, which follows the article.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -879,40 +925,41 @@ def _list_strategy_steps(study: Results) -> list[str]:
     list of str
         The steps in their order.
     """
-    if "steps" in study.summary:
-        return list(study.summary["steps"])
+    if "steps" in results.summary:
+        return list(results.summary["steps"])
 
+    # Check that the file contains these keys, with values of these types.
     keys = {"by_status": dict, "runs_by_status": dict}
-    simulated = read_json(study.files["dataset_summary"], keys)
+    simulated = read_json(results.files["dataset_summary"], keys)
     counts = describe_counts(simulated["by_status"], simulated["runs_by_status"])
     steps = []
-    if study.settings is not None:
-        steps.append(_describe_design(study, study.settings.design))
-    steps.append(f"{_describe_simulation(study)}: {counts}")
-    if study.surrogate is not None:
-        surrogate = study.surrogate.name.replace("_", " ")
-        steps.append(f"Surrogate ({surrogate}): {_describe_accuracy(study)}")
-    steps.append(f"Search: {study.summary['message']}")
-    n_runs = study.answer_row.get("n_seeds", 0)
+    if results.settings is not None:
+        steps.append(_describe_design(results, results.settings.design))
+    steps.append(f"{_describe_simulation(results)}: {counts}")
+    if results.surrogate is not None:
+        surrogate = results.surrogate.name.replace("_", " ")
+        steps.append(f"Surrogate ({surrogate}): {_describe_accuracy(results)}")
+    steps.append(f"Search: {results.summary['message']}")
+    n_runs = results.answer_row.get("n_seeds", 0)  # a run for each seed
     steps.append(
-        f"Check: {len(study.checked_sets)} of the sets found were simulated again with "
-        f"new seeds; the answer {n_runs:.0f} times."
+        f"Check: {len(results.checked_sets)} of the parameter sets found were simulated "
+        f"again with new seeds. There were {n_runs:.0f} runs of the answer."
     )
     return steps
 
 
-def _describe_simulation(study: Results) -> str:
+def _describe_simulation(results: Results) -> str:
     """Describe what was simulated, or by which other program."""
-    if study.simulator is not None:
-        return f"Simulation by {study.simulator}"
-    bench_tests = " and ".join(study.targets.apparatus).replace("_", " ")
+    if results.simulator is not None:
+        return f"Simulation by {results.simulator}"
+    bench_tests = " and ".join(results.targets.apparatus).replace("_", " ")
     return f"Simulation of the bench test ({bench_tests})"
 
 
-def _describe_design(study: Results, design: DesignSettings) -> str:
+def _describe_design(results: Results, design: DesignSettings) -> str:
     """Describe the parameter sets of the design."""
-    n_free = study.parameters.dimensions
-    n_parameters = len(study.parameters.names)
+    n_free = results.parameters.dimensions
+    n_parameters = len(results.parameters.names)
     searched = f"{n_free} parameters"
     if n_free < n_parameters:
         searched = f"{n_free} of {n_parameters} parameters, the others fixed"
@@ -920,26 +967,28 @@ def _describe_design(study: Results, design: DesignSettings) -> str:
     return f"Design: {design.samples} parameter sets over {searched} ({method})."
 
 
-def _describe_accuracy(study: Results) -> str:
+def _describe_accuracy(results: Results) -> str:
     """Describe the accuracy of the surrogate on samples that it was not trained on.
+
+    The text continues a sentence that `_list_strategy_steps` begins.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
     -------
     str
-        The end of a sentence about the surrogate, and possibly a further sentence.
+        The end of this sentence, and possibly a further sentence.
     """
-    test_metrics = read_json(study.files["metrics"]).get("test") or {}
+    test_metrics = read_json(results.files["metrics"]).get("test") or {}
     accuracies = []
-    for response in study.targets.responses:
+    for response in results.targets.responses:
         metrics = test_metrics.get(response.name, {})
-        # The error may be missing or null in the file.
-        rmse = metrics.get("rmse") or np.nan
-        if np.isfinite(rmse):
+        # The root mean square error may be missing or null in the file.
+        rmse = metrics.get("rmse")
+        if rmse is not None and np.isfinite(rmse):
             accuracies.append(
                 f"{response.label} to {format_significant(rmse, 2)} {response.unit} "
                 f"(R² {metrics['r2']:.2f})"
@@ -947,29 +996,34 @@ def _describe_accuracy(study: Results) -> str:
     if not accuracies:
         return "its accuracy was not tested."
     predictions = " and the ".join(accuracies)
-    return (
+    sentences = [
         f"on samples that it had not learned from, it predicts the {predictions}."
-        f"{_describe_noise_of_samples(study)}"
-    )
+    ]
+    noise = _describe_noise_of_samples(results)
+    if noise:
+        sentences.append(noise)
+    return " ".join(sentences)
 
 
-def _describe_noise_of_samples(study: Results) -> str:
-    """Describe the standard errors of the samples.
+def _describe_noise_of_samples(results: Results) -> str:
+    """Describe the standard errors of the samples' means.
+
+    For each response, the text states the root mean square of the errors.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
     -------
     str
-        One sentence, which begins with a space. It is empty if no standard errors are
-        known, for example because each sample has a single run.
+        One sentence. It is empty if no standard errors are known, for example because
+        each sample has a single run.
     """
     clauses = []
-    for target in study.targets:
-        errors = study.samples.get(target.response.standard_error)
+    for target in results.targets:
+        errors = results.samples.get(target.response.standard_error)
         if errors is None or errors.isna().all():
             continue
         noise = np.sqrt((errors**2).mean())
@@ -977,26 +1031,28 @@ def _describe_noise_of_samples(study: Results) -> str:
     if not clauses:
         return ""
     return (
-        f" The means of the samples have standard errors of {' and '.join(clauses)}, "
+        f"The means of the samples have standard errors of {' and '.join(clauses)}, "
         "which no model can predict."
     )
 
 
-def fold_tables(tables: Mapping[str, pd.DataFrame]) -> list[FoldedTable]:
-    """Prepare the tables, by title, so that each can be unfolded by a click."""
-    return [fold_table(title, frame) for title, frame in tables.items()]
+def make_collapsible_tables(
+    tables: Mapping[str, pd.DataFrame],
+) -> list[CollapsibleTable]:
+    """Convert tables, by title, to tables that a click on their title shows or hides."""
+    return [make_collapsible_table(title, frame) for title, frame in tables.items()]
 
 
 def make_template_values(
-    study: Results, tables: Mapping[str, pd.DataFrame]
+    results: Results, tables: Mapping[str, pd.DataFrame]
 ) -> dict[str, Any]:
     """Make all sections of the page, by their names in the templates."""
     return {
-        "answer": make_answer_section(study),
-        "material": make_material_section(study),
-        "check": make_check_section(study),
-        "drum": make_drum_section(study),
-        "other_parameters": make_other_parameters_section(study),
-        "method": make_method_section(study),
-        "tables": fold_tables(tables),
+        "answer": make_answer_section(results),
+        "material": make_material_section(results),
+        "check": make_check_section(results),
+        "drum": make_drum_section(results),
+        "other_parameters": make_other_parameters_section(results),
+        "method": make_method_section(results),
+        "tables": make_collapsible_tables(tables),
     }

@@ -150,14 +150,15 @@ class Results:
 
 
 def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
-    """Read the results of a study.
+    """Read the results of a study, and compute how probably its answer meets the targets.
 
     Parameters
     ----------
     config : mapping
         The configuration of the study.
     jobs : sequence of paths
-        Measured runs of the answer, a file for each bench test.
+        Files of the runs of the answer with their measured responses, one for each
+        bench test.
     files : mapping
         Paths by name, for the names in `REQUIRED_FILES`, `FILES_OF_STEPS` and
         `OPTIONAL_FILES`, and for the figures that have a caption.
@@ -175,16 +176,23 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
     _check_file_names(files)
     _require_files(files, REQUIRED_FILES)
     summary = read_json(files["summary"], {"feasible": bool, "message": str})
+    # If the strategy does not report its steps, the report describes them from files.
     if "steps" not in summary:
         _require_files(files, FILES_OF_STEPS)
     study = StudyView(config)
     targets = study.targets
     runs_by_bench_test = _read_runs_of_answer(jobs, targets)
-    # None stands for the contact parameters of our own simulator.
-    names = None if study.simulator is None else study.parameters.names
-    parameters = PARAMETERS if names is None else names
+    # Files from our own simulator contain all contact parameters. Those from another
+    # program contain the parameters of the study.
+    parameter_columns: Sequence[str] = PARAMETERS
+    names = None  # the functions that read tables take this for our own parameters
+    if study.simulator is not None:
+        names = study.parameters.names
+        parameter_columns = names
+    # "Table 4" is the table of the article with the sets that were simulated again.
+    answer_path = files["table4"]
     checked_sets = read_table(
-        files["table4"], ("role", *parameters, *targets.predicted)
+        answer_path, ("role", *parameter_columns, *targets.predicted)
     )
     within = {
         percent: compute_target_probabilities(runs_by_bench_test, targets, percent)[
@@ -194,24 +202,26 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
     }
     # Date the page by the file of the answer, so that the date changes only with the
     # results.
-    modified = date.fromtimestamp(os.path.getmtime(files["table4"]))
+    modified = date.fromtimestamp(os.path.getmtime(answer_path))
     return Results(
         label=study.settings.label,
         is_small_run=study.settings.small_run,
         targets=targets,
         parameters=study.parameters,
-        answer_row=find_answer(checked_sets, source=files["table4"]),
+        answer_row=find_answer(checked_sets, source=answer_path),
         probability=compute_target_probabilities(runs_by_bench_test, targets),
         probability_within=within,
         posterior=_read_posterior(files),
-        surrogate=_load_surrogate(files, targets, study.parameters, names),
-        solutions=read_table(files["feasible"], ("solution", *parameters)),
+        surrogate=_load_or_fit_surrogate(files, targets, study.parameters, names),
+        solutions=read_table(files["feasible"], ("solution", *parameter_columns)),
         checked_sets=checked_sets,
-        samples=read_table(files["dataset"], ("sample", *parameters, *targets.names)),
+        samples=read_table(
+            files["dataset"], ("sample", *parameter_columns, *targets.names)
+        ),
         summary=summary,
         simulator=study.simulator,
         date=modified.isoformat(),
-        origin=attached.read_record(files["table4"]) or provenance.describe_machine(),
+        origin=attached.read_record(answer_path) or provenance.describe_machine(),
         settings=study.settings,
         files=files,
         published_sets=_read_published_sets(files),
@@ -272,7 +282,7 @@ def _read_published_sets(files: Files) -> pd.DataFrame:
     return read_table(files["published"], ("solution", *PARAMETERS))
 
 
-def _load_surrogate(
+def _load_or_fit_surrogate(
     files: Files,
     targets: Targets,
     parameters: ParameterSpace,
@@ -280,10 +290,13 @@ def _load_surrogate(
 ) -> Predictor | None:
     """Load the surrogate from its file, or fit one to all runs of the study.
 
+    Only some strategies write a file of a surrogate.
+
     Parameters
     ----------
     files : mapping
-        Paths of the study's files by name.
+        Paths by name: `network` for the file of a surrogate, `runs` for the table of
+        runs, and `dataset` for the table of samples.
     targets : Targets
         The targets, whose responses the surrogate predicts.
     parameters : ParameterSpace
@@ -305,9 +318,10 @@ def _load_surrogate(
     runs = read_runs(
         files["runs"], targets, dataset=samples, dataset_csv=files["dataset"]
     )
-    observed = arrange_runs(
-        arrange_for_strategy(samples, runs, targets), parameters, targets
-    )
+    # First make a table in which each row has all responses, although a run of one bench
+    # test gives only some of them. Then convert the table to the arrays of kriging.
+    rows_of_runs = arrange_for_strategy(samples, runs, targets)
+    observed = arrange_runs(rows_of_runs, parameters, targets)
     return SpaceKriging(Kriging(observed), parameters)
 
 

@@ -46,15 +46,30 @@ class Table:
 
 
 @dataclass(frozen=True)
-class FoldedTable:
-    """A table that unfolds when the user clicks on its title."""
+class CollapsibleTable:
+    """A table that a click on its title shows or hides. It is hidden at first."""
 
     title: str
     table: Table
 
 
-def fold_table(title: str, frame: pd.DataFrame) -> FoldedTable:
-    """Prepare a table that unfolds by a click on its title, which states the row count."""
+def make_collapsible_table(title: str, frame: pd.DataFrame) -> CollapsibleTable:
+    """Convert a table to one that a click on its title shows or hides.
+
+    Parameters
+    ----------
+    title : str
+        Title, to which the number of rows is added. If the optional column `stale`
+        contains true, the results come from other settings, and a warning is added.
+    frame : DataFrame
+        The table. In the optional column `reason`, words replace the short names of
+        statuses, such as those of failed runs.
+
+    Returns
+    -------
+    CollapsibleTable
+        The table with its title. Missing values are None.
+    """
     if "stale" in frame and frame["stale"].any():
         title = f"{title}, {STALE_WARNING}"
     columns = [str(column) for column in frame.columns]
@@ -62,8 +77,9 @@ def fold_table(title: str, frame: pd.DataFrame) -> FoldedTable:
         frame = frame.assign(
             reason=frame["reason"].map(replace_statuses, na_action="ignore")
         )
+    # A column of numbers cannot hold None, so convert it to objects first.
     rows = frame.astype(object).where(frame.notna(), None).values.tolist()
-    return FoldedTable(f"{title} ({len(frame)} rows)", Table(columns, rows))
+    return CollapsibleTable(f"{title} ({len(frame)} rows)", Table(columns, rows))
 
 
 def format_tables(tables: Iterable[Table]) -> str:

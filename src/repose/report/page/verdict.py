@@ -41,14 +41,16 @@ class VerdictText(NamedTuple):
         return self.text.partition(". ")[2]
 
 
-def make_verdict(study: Results) -> VerdictText:
+def make_verdict(results: Results) -> VerdictText:
     """Describe whether the answer meets the targets, and how probably.
 
-    The description begins with the line that a study prints at its end.
+    The verdict (met, not met, undecided or unchecked) comes from the checks of single
+    targets. The description begins with the line that a study prints at its end. The
+    rating chooses the colour of the description.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -56,31 +58,34 @@ def make_verdict(study: Results) -> VerdictText:
     VerdictText
         The rating and the description.
     """
-    checks = tuple(make_checks(study))
+    checks = tuple(make_checks(results))
+    probability_inside = results.probability["all"]
     assessment = Assessment(
         checks=checks,
-        feasible=study.summary["feasible"],
-        inside=study.probability["all"],
-        out_of_reach=is_out_of_reach(study.summary),
+        feasible=results.summary["feasible"],
+        inside=probability_inside,
+        out_of_reach=is_out_of_reach(results.summary),
     )
     is_only_predicted = assessment.feasible and assessment.verdict is Verdict.UNCHECKED
     line = format_verdict_line(
         assessment.verdict,
         checks,
         reason=assessment.reason,
-        small_run=study.is_small_run,
+        small_run=results.is_small_run,
         status="predicted to be met" if is_only_predicted else "",
     )
-    first_sentences = line[0].upper() + line[1:]
+    first_sentences = line[0].upper() + line[1:]  # the line is never empty
     if assessment.feasible:
         # The line of an undecided verdict already states the probability that all means
         # are inside, so do not repeat it.
         is_undecided = assessment.verdict is Verdict.UNDECIDED
-        last_sentences = describe_probability(study, names_inside=not is_undecided)
+        last_sentences = describe_probability(
+            results, includes_target_ranges=not is_undecided
+        )
     else:
         # Without a feasible set, the message describes what the search found instead.
-        last_sentences = study.summary["message"]
-    rating = _rate_answer(assessment, study.probability["all"])
+        last_sentences = results.summary["message"]
+    rating = _rate_answer(assessment, probability_inside)
     return VerdictText(rating, f"{first_sentences} {last_sentences}")
 
 
@@ -96,28 +101,30 @@ def _rate_answer(assessment: Assessment, probability: float | None) -> str:
     return "good" if probability >= DECISIVE_PROBABILITY else "fair"
 
 
-def describe_probability(study: Results, names_inside: bool = True) -> str:
+def describe_probability(results: Results, includes_target_ranges: bool = True) -> str:
     """Describe how probable it is that the answer meets the targets.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
-    names_inside : bool
-        Whether to begin with a sentence about all target ranges together.
+    includes_target_ranges : bool
+        Whether to begin with the probability that all means are inside their target
+        ranges.
 
     Returns
     -------
     str
-        Several sentences.
+        One or more sentences.
     """
-    probability = study.probability["all"]
+    probability = results.probability["all"]
     if probability is None:
         return (
-            "How probable this is, is unknown: fewer than two runs of these "
+            "The probability of this is unknown: fewer than two runs of these "
             "parameters could be measured."
         )
-    n_runs = study.get_number("n_seeds")
+    # Each run has its own seed. Without runs, only the surrogate predicts the responses.
+    n_runs = results.get_number("n_seeds")
     if n_runs is None:
         evidence = (
             "as the surrogate predicts; these parameters were not simulated again"
@@ -126,23 +133,24 @@ def describe_probability(study: Results, names_inside: bool = True) -> str:
         evidence = f"judged by {n_runs:.0f} new simulations with these parameters"
 
     sentences = []
-    if names_inside:
+    if includes_target_ranges:
         sentences.append(
             f"With a probability of {format_percent(probability)} "
-            f"{_describe_inside(len(study.targets))}, {evidence}."
+            f"{_describe_inside(len(results.targets))}, {evidence}."
         )
-    sentences += _describe_within(study)
+    sentences += _describe_within_percent(results)
     if n_runs is None:
-        sentences.append(_describe_optimism(study))
+        # This sentence refers to the probabilities above, so it must come last.
+        sentences.append(_describe_optimism(results))
     return " ".join(sentences)
 
 
-def _describe_within(study: Results) -> Iterator[str]:
-    """Describe how probable it is that all means lie close to the measured ones.
+def _describe_within_percent(results: Results) -> Iterator[str]:
+    """Describe how probably all means lie within some percent of the measured means.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Yields
@@ -150,13 +158,13 @@ def _describe_within(study: Results) -> Iterator[str]:
     str
         A sentence for each percentage whose probability is known.
     """
-    if len(study.targets) == 1:
+    if len(results.targets) == 1:
         true_means = "the true mean lies"
         measured_means = "the measured mean"
     else:
         true_means = "all true means lie"
         measured_means = "the measured means"
-    for percent, probability in study.probability_within.items():
+    for percent, probability in results.probability_within.items():
         if probability is not None:
             yield (
                 f"The probability that {true_means} within {percent:g} % of "
@@ -164,12 +172,16 @@ def _describe_within(study: Results) -> Iterator[str]:
             )
 
 
-def _describe_optimism(study: Results) -> str:
+def _describe_optimism(results: Results) -> str:
     """Describe the expected optimism of the answer's predictions.
+
+    The search favours points where the surrogate errs towards the targets. The expected
+    optimism is the part of the prediction's error that this selection causes. The
+    sentence follows others that state a probability.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Returns
@@ -177,22 +189,25 @@ def _describe_optimism(study: Results) -> str:
     str
         One sentence, which may say that the optimism is unknown.
     """
-    clauses = []
-    for target in study.targets:
+    optimism_of_responses = []
+    for target in results.targets:
         response = target.response
-        optimism = study.get_number(response.optimism)
+        optimism = results.get_number(response.optimism)
         if optimism is not None:
-            error = study.get_number(response.optimism_error)
+            error = results.get_number(response.optimism_error)  # may be None
             description = describe_optimism(optimism, error)
-            clause = f"{response.label}: {description} {response.unit}"
-            clauses.append(clause.rstrip())
-    if not clauses:
+            text = f"{response.label}: {description} {response.unit}"
+            optimism_of_responses.append(text.rstrip())
+    if not optimism_of_responses:
         return (
             "The expected optimism of this prediction was not computed. The search favours "
             "points where the surrogate errs towards the target, so the true probability "
             "is mostly lower."
         )
-    return f"This does not count the expected optimism ({'; '.join(clauses)})."
+    return (
+        "This probability does not include the expected optimism of the prediction "
+        f"({'; '.join(optimism_of_responses)})."
+    )
 
 
 def _describe_inside(n_targets: int) -> str:
@@ -218,14 +233,14 @@ def format_percent(probability: float | None) -> str:
     return f"{100 * probability:.0f} %"
 
 
-def make_checks(study: Results) -> Iterator[Check]:
-    """Make the check of the answer for each target.
+def make_checks(results: Results) -> Iterator[Check]:
+    """Compare the answer with each target.
 
-    A check compares the predicted, simulated and measured values of a response.
+    A check contains the predicted, the simulated and the measured value of a response.
 
     Parameters
     ----------
-    study : Results
+    results : Results
         The results of the study.
 
     Yields
@@ -233,21 +248,22 @@ def make_checks(study: Results) -> Iterator[Check]:
     Check
         One check for each target, in the order of the targets.
     """
-    n_runs = study.get_number("n_seeds")
+    n_runs = results.get_number("n_seeds")  # a run for each seed
     if n_runs is None:
         status = NOT_SIMULATED_AGAIN
     else:
-        status = cell_text(study.answer_row.get("status"))
-    for target in study.targets:
+        status = cell_text(results.answer_row.get("status"))
+    for target in results.targets:
+        # Attributes such as `simulated` are names of columns in the answer's row.
         response = target.response
         yield Check.from_target(
             target,
-            simulated=study.get_number(response.simulated),
-            standard_error=study.get_number(response.standard_error),
+            simulated=results.get_number(response.simulated),
+            standard_error=results.get_number(response.standard_error),
             runs=int(n_runs or 0),
             status=status,
-            predicted=study.get_number(response.predicted),
-            line=describe_line_of_response(study.measure, target.name),
-            optimism=study.get_number(response.optimism),
-            optimism_error=study.get_number(response.optimism_error),
+            predicted=results.get_number(response.predicted),
+            line=describe_line_of_response(results.measure, target.name),
+            optimism=results.get_number(response.optimism),
+            optimism_error=results.get_number(response.optimism_error),
         )
