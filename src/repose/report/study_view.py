@@ -49,10 +49,11 @@ class StudyView:
             # The annotation of a section is a class. Other values have annotations such
             # as `float | None`, which are no classes, and stay as they are.
             annotation = settings_type.model_fields[name].annotation
-            is_section = isinstance(annotation, type) and issubclass(
-                annotation, Section
-            )
-            if is_section and isinstance(value, Mapping):
+            if (
+                isinstance(value, Mapping)
+                and isinstance(annotation, type)
+                and issubclass(annotation, Section)
+            ):
                 value = annotation.model_construct(**value)
             sections[name] = value
         # `model_construct` does not check the values, because they have already been
