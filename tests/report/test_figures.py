@@ -515,7 +515,7 @@ def test_a_search_without_result_has_its_axes(inputs, tmp_path):
         )
         figure.draw_without_rendering()
     (panel,) = figure.axes
-    assert panel.get_title(loc="left") == "no feasible solution was met"
+    assert panel.get_title(loc="left") == "no feasible solution was found"
     assert sum(bool(tick.get_text()) for tick in panel.get_yticklabels()) > 1
 
 

@@ -16,6 +16,8 @@ from repose.stages.published import STALE_WARNING, find_published_responses
 from . import panels, style
 from .registry import Inputs, StudyView
 
+PUBLISHED_PREFIX = "P"  # of the numbers of published solutions
+PANEL_HEIGHT = 2.3  # of the published solutions, in inches
 # Distance of each of the two marks of a solution from its tick, to the left or right.
 MARK_OFFSET = 0.12
 ROOM_FOR_NOTE = 0.15  # at the lower edge, as a fraction of a panel's height
@@ -69,6 +71,7 @@ def draw_validation(inputs: Inputs, study: StudyView) -> Figure:
     )
 
     # The right column shows the published solutions, if there are any.
+    # The left column is a little wider, because it also has the labels of the y axes.
     widths = (1.15, 1) if published_of_targets else (1,)
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
     axes = figure.subplots(
@@ -83,7 +86,7 @@ def draw_validation(inputs: Inputs, study: StudyView) -> Figure:
     axes[0, 0].set_title("this run", fontweight="bold")
     axes[-1, 0].set_xlabel("solution of this run")
     if published_of_targets:
-        named_published = _add_names(published, "P")
+        named_published = _add_names(published, PUBLISHED_PREFIX)
         for panel, target in zip(axes[:, 1], targets, strict=True):
             if target.response in published_of_targets:
                 _draw_predicted_and_simulated(
@@ -111,7 +114,7 @@ def _explain_empty_panel(panel: Axes, text: str) -> None:
 
 
 def draw_published_solutions(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the responses of published solutions, as published and as simulated here.
+    """Draw the responses of published solutions: published values, and our simulations.
 
     Parameters
     ----------
@@ -125,12 +128,13 @@ def draw_published_solutions(inputs: Inputs, study: StudyView) -> Figure:
     Figure
         The figure.
     """
-    table = _add_names(read_table(inputs["published"], ("solution",)), "P")
+    table = _add_names(read_table(inputs["published"], ("solution",)), PUBLISHED_PREFIX)
     targets = [target for target in study.targets if target.response.simulated in table]
-    figure, axes = panels.grid(len(targets), 2.3, extra_height=0.3)
+    figure, axes = panels.grid(len(targets), PANEL_HEIGHT, extra_height=0.3)
     for panel, target in zip(axes, targets, strict=True):
         _draw_published_and_simulated(panel, table, target)
     style.name_panels(axes)
+    # The optional column `stale` says which results come from other settings.
     if "stale" in table and table["stale"].any():
         figure.suptitle(STALE_WARNING, fontsize=style.SMALL_TEXT_PT, color=style.RED)
     style.draw_legend(axes, loc="outside lower center", ncols=2)
@@ -140,48 +144,77 @@ def draw_published_solutions(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_published_and_simulated(
     panel: Axes, table: pd.DataFrame, target: Target
 ) -> None:
-    """Draw one response of the published solutions, as published and as simulated here.
+    """Draw one response of each published solution, with our own simulation beside it.
+
+    Published values are to the left of a solution's tick, and ours to the right.
 
     Parameters
     ----------
     panel : Axes
         The panel to draw in.
     table : DataFrame
-        A row for each solution, with its published and simulated responses. A column of
-        published values may be missing.
+        A row for each solution, with its published values and our simulated mean.
     target : Target
         The target of the response.
     """
-    # Draw published values to the left of a tick, and those simulated here to the
-    # right.
     response = target.response
     x = np.arange(len(table))
     _draw_measurement(panel, table, target)
-    unpublished_x = np.empty(0)
-    simulated_column = name_derived_column(response.name, "published_simulated")
-    measured_column = name_derived_column(response.name, "published_measured")
-    if simulated_column in table:
-        published = table[simulated_column]
-        no_measurements = pd.Series(np.nan, table.index)
-        measured = table.get(measured_column, no_measurements)
-        panel.errorbar(x - MARK_OFFSET, published, **PUBLISHED_SIMULATION_STYLE)
-        if measured.notna().any():
-            panel.errorbar(x - MARK_OFFSET, measured, **PUBLISHED_MEASUREMENT_STYLE)
-        unpublished_x = x[published.isna() & measured.isna()]
-    simulated = table[response.simulated]
-    error = table[response.standard_error].fillna(0.0)
-    panel.errorbar(x + MARK_OFFSET, simulated, error, **SIMULATION_STYLE)
+    unpublished_x = _draw_published_values(panel, table, target)
+    our_simulation = table[response.simulated]
+    error = table[response.standard_error].fillna(0.0)  # unknown: no error bar
+    panel.errorbar(x + MARK_OFFSET, our_simulation, error, **SIMULATION_STYLE)
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
+    # This enlarges the panel, so everything else must be drawn before.
     _write_below(panel, unpublished_x, "not\npublished")
+
+
+def _draw_published_values(
+    panel: Axes, table: pd.DataFrame, target: Target
+) -> np.ndarray:
+    """Draw the values of one response that the publications give.
+
+    A publication may give the result of its simulation, that of its measurement, or
+    both.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    table : DataFrame
+        A row for each solution. If the table has no column for published simulations of
+        this response, nothing is drawn.
+    target : Target
+        The target of the response.
+
+    Returns
+    -------
+    ndarray
+        Ticks of the solutions without a published value. They are empty if nothing is
+        drawn.
+    """
+    simulation_column = name_derived_column(target.name, "published_simulated")
+    measurement_column = name_derived_column(target.name, "published_measured")
+    if simulation_column not in table:
+        return np.empty(0)
+    x = np.arange(len(table))
+    simulations = table[simulation_column]
+    no_measurements = pd.Series(np.nan, table.index)
+    measurements = table.get(measurement_column, no_measurements)
+    panel.errorbar(x - MARK_OFFSET, simulations, **PUBLISHED_SIMULATION_STYLE)
+    if measurements.notna().any():
+        panel.errorbar(x - MARK_OFFSET, measurements, **PUBLISHED_MEASUREMENT_STYLE)
+    return x[simulations.isna() & measurements.isna()]
 
 
 def _draw_predicted_and_simulated(
     panel: Axes, table: pd.DataFrame, target: Target, error_bar_style: Mapping[str, Any]
 ) -> None:
-    """Draw one response of each solution, and write the error of its prediction.
+    """Draw the predicted and the simulated value of one response for each solution.
 
-    The error is given in percent of the simulated value.
+    The error of the prediction, in percent of the simulated value, is written below
+    them.
 
     Parameters
     ----------
@@ -201,9 +234,11 @@ def _draw_predicted_and_simulated(
     _draw_measurement(panel, table, target)
     predicted = table[response.predicted].to_numpy(float)
     simulated = table[response.simulated].to_numpy(float)
-    error = None
+    # Published tables have no standard errors. A single run has none either, and gets no
+    # error bar.
+    standard_error = None
     if response.standard_error in table:
-        error = table[response.standard_error].fillna(0.0)
+        standard_error = table[response.standard_error].fillna(0.0)
     panel.plot(
         x - MARK_OFFSET,
         predicted,
@@ -213,10 +248,13 @@ def _draw_predicted_and_simulated(
         color=style.BLACK,
         label="predicted",
     )
-    panel.errorbar(x + MARK_OFFSET, simulated, error, **error_bar_style)
+    panel.errorbar(x + MARK_OFFSET, simulated, standard_error, **error_bar_style)
 
     # Write the error of each prediction below both marks and the error bar.
-    bar_ends = simulated if error is None else simulated - error.to_numpy(float)
+    bar_ends = simulated
+    if standard_error is not None:
+        bar_ends = simulated - standard_error.to_numpy(float)
+    # A solution without a simulated value has NaN here, which `fmin` ignores.
     lowest = np.fmin(predicted, bar_ends)
     _write_prediction_errors(panel, predicted, simulated, lowest)
     panel.margins(y=0.25)

@@ -17,6 +17,11 @@ from repose.report.study_view import parameter_ranges
 
 from .style import PAGE, new_figure, parameter_label, response_label
 
+# Font sizes in points: labels of axes in small panels, and numbers at the ticks of pair
+# panels
+AXIS_LABEL_PT = 8.5
+PAIR_TICK_PT = 6
+
 
 def grid(
     count: int,
@@ -58,7 +63,7 @@ def grid(
 def add_panels(
     figure: FigureBase, count: int, columns: int = 2, **options: Any
 ) -> list[Axes]:
-    """Add panels to an empty figure, row by row; the last row may have empty places.
+    """Add panels to an empty figure, row by row; the last row may not be full.
 
     Parameters
     ----------
@@ -123,7 +128,7 @@ def make_parameter_panels(
     for panel, target in zip(panels[:, 0], targets, strict=True):
         panel.set_ylabel(response_label(target.response))
     for panel, name in zip(panels[-1], free, strict=True):
-        panel.set_xlabel(parameter_label(name), fontsize=8.5)
+        panel.set_xlabel(parameter_label(name), fontsize=AXIS_LABEL_PT)
         set_scale(panel.set_xscale, parameters, name)
         panel.set_xlim(ranges[name])
     return figure, [
@@ -161,7 +166,7 @@ class PairPanel(NamedTuple):
 
 
 def add_pair_panels(figure: FigureBase, parameters: ParameterSpace) -> list[PairPanel]:
-    """Add a square of panels to an empty figure, one for each pair of free parameters.
+    """Add a grid of panels to an empty figure, one for each pair of free parameters.
 
     The panels lie on the diagonal, where both parameters are the same, and below it.
 
@@ -204,31 +209,35 @@ def finish_pair_panels(
         along its scale.
     """
     names = parameters.free
-    ends = _compute_axis_ends(parameters, margin)
+    limits = _compute_axis_limits(parameters, margin)
     for axes, x_name, y_name in panels:
         is_diagonal = x_name == y_name
         is_first_column = x_name == names[0]
-        # A panel on the diagonal is a histogram, whose heights need no numbers.
+        # A panel on the diagonal shows one parameter as a histogram. Its heights need no
+        # numbers, so its y axis is hidden as a whole.
         has_y_axis = is_first_column and not is_diagonal
         set_scale(axes.set_xscale, parameters, x_name)
-        axes.set_xlim(ends[x_name])
-        axes.tick_params(labelsize=6, labelleft=has_y_axis)
+        axes.set_xlim(limits[x_name])
+        axes.tick_params(labelsize=PAIR_TICK_PT, labelleft=has_y_axis)
         if is_diagonal:
             axes.set_yticks([])
             axes.spines["left"].set_visible(False)
         else:
             set_scale(axes.set_yscale, parameters, y_name)
-            axes.set_ylim(ends[y_name])
+            axes.set_ylim(limits[y_name])
         if y_name == names[-1]:
-            axes.set_xlabel(parameter_label(x_name), fontsize=8.5)
+            axes.set_xlabel(parameter_label(x_name), fontsize=AXIS_LABEL_PT)
         if has_y_axis:
-            axes.set_ylabel(parameter_label(y_name), fontsize=8.5)
+            axes.set_ylabel(parameter_label(y_name), fontsize=AXIS_LABEL_PT)
 
 
-def _compute_axis_ends(
+def _compute_axis_limits(
     parameters: ParameterSpace, margin: float
 ) -> dict[str, list[float]]:
-    """Compute the ends of an axis for each free parameter.
+    """Compute the limits of an axis for each free parameter, with a margin.
+
+    The margin is computed in coordinates: the values of a parameter along its scale,
+    such as their logarithms.
 
     Parameters
     ----------
@@ -241,18 +250,20 @@ def _compute_axis_ends(
     Returns
     -------
     dict
-        The lower and the upper end of each axis, in the unit of the parameter.
+        The lower and the upper limit of each axis, by the name of the parameter and in
+        its unit.
     """
-    ends = {}
+    limits = {}
     lows, highs = parameters.coordinate_ends
     for name, low, high in zip(
         parameters.free, lows.tolist(), highs.tolist(), strict=True
     ):
         margin_width = margin * (high - low)
         coordinates = np.array([low - margin_width, high + margin_width])
+        # Convert the coordinates back to values of the parameter.
         scale = SCALES[parameters.scale.get(name, LINEAR)]
-        ends[name] = scale.backward(coordinates).tolist()
-    return ends
+        limits[name] = scale.backward(coordinates).tolist()
+    return limits
 
 
 def label_strips(panel: Axes, names: Sequence[str]) -> None:
@@ -268,6 +279,6 @@ def label_strips(panel: Axes, names: Sequence[str]) -> None:
     symbols = [SYMBOLS.get(name, name) for name in reversed(names)]
     panel.set_yticks(range(len(names)), symbols, fontsize=9)
     panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
-    panel.set_xlabel("place in the parameter's range (dimensionless)")
+    panel.set_xlabel("position in the parameter's range (dimensionless)")
     panel.spines["left"].set_visible(False)
     panel.tick_params(axis="y", length=0)

@@ -21,7 +21,7 @@ from .registry import Inputs, StudyView
 SAMPLE_STYLES = {
     "dataset": ("parameter sets of the design, simulated", style.BLUE),
     "pool": ("further sets, simulated", style.SKY),
-    "fresh": ("sets with many pours each", style.PURPLE),
+    "fresh": ("sets with many runs each", style.PURPLE),
     "own": ("parameter sets, simulated", style.BLUE),
 }
 ROW_HEIGHT = 3.1  # of the panels of a pair, in inches
@@ -49,12 +49,16 @@ def leave_out_profiles(targets: Targets) -> Targets:
 def draw_planes(inputs: Inputs, study: StudyView) -> Figure:
     """Draw samples, target ranges, solutions and the answer for each pair of targets.
 
+    A plane is a diagram of one response over another.
+
     Parameters
     ----------
     inputs : mapping
-        Paths by name. The samples are the rows of `dataset`, `pool` and `fresh` with
-        the status ok. `feasible` contains the solutions. The answer is the row of
-        `table4` with the role `representative`.
+        Paths by name. The samples are the rows with the status ok of up to three
+        tables: `dataset` has the samples of the design, `pool` further ones, and
+        `fresh` samples with many runs each. `feasible` has the solutions that the
+        search found. `table4` has the parameter sets that were simulated again. That
+        with the role `representative` is the answer.
     study : StudyView
         The study.
 
@@ -78,6 +82,7 @@ def draw_planes(inputs: Inputs, study: StudyView) -> Figure:
     )
     answer = find_answer(checked, source=inputs["table4"])
 
+    # Each pair has two panels: all samples, and the target ranges enlarged.
     n_panels = 2 * math.comb(len(targets), 2)
     figure, axes = panels.grid(n_panels, ROW_HEIGHT, extra_height=1.0)
     draw_pairs_of_targets(
@@ -101,20 +106,19 @@ def draw_pairs_of_targets(
     targets : Targets
         The targets.
     data : PlaneData
-        Samples, solutions and answer.
+        The samples, the solutions that the search found, and the answer, which is the
+        solution that the study reports.
     legend_title : str
-        Title of the legend, which explains the bars.
+        Title of the legend, which explains the error bars.
     """
-    pairs = combinations(targets, 2)
     # Two consecutive panels belong to a pair of targets. Both show the same data within
     # different limits.
-    panel_pairs = zip(axes[::2], axes[1::2], strict=True)
-    for k, ((x_target, y_target), (whole_panel, enlarged_panel)) in enumerate(
-        zip(pairs, panel_pairs, strict=True)
-    ):
+    for k, (x_target, y_target) in enumerate(combinations(targets, 2)):
+        whole_panel = axes[2 * k]
+        enlarged_panel = axes[2 * k + 1]
         for panel in (whole_panel, enlarged_panel):
             _draw_samples(panel, data.samples, x_target=x_target, y_target=y_target)
-            _draw_targets(panel, x_target, y_target)
+            _draw_targets(panel, x_target=x_target, y_target=y_target)
             _draw_solutions(panel, data.solutions, x_target=x_target, y_target=y_target)
             _draw_answer(panel, data.answer, x_target=x_target, y_target=y_target)
         span_text = _describe_span(data.solutions, x_target, y_target)
@@ -217,7 +221,7 @@ def _draw_targets(panel: Axes, x_target: Target, y_target: Target) -> None:
         ec=style.GREEN,
         lw=1.4,
         zorder=3,
-        label="asked for: target ranges",
+        label="target ranges",
     )
     panel.add_patch(box)
     panel.errorbar(
@@ -293,14 +297,17 @@ def _describe_span(solutions: pd.DataFrame, x_target: Target, y_target: Target) 
 def _draw_answer(
     panel: Axes, answer: pd.Series, x_target: Target, y_target: Target
 ) -> None:
-    """Draw the predicted answer, and its simulation if there is one.
+    """Draw the predicted responses of the answer, and the simulated ones if there are any.
+
+    The answer is the parameter set that the study reports.
 
     Parameters
     ----------
     panel : Axes
         The panel to draw in.
     answer : Series
-        The answer with its responses. Columns of simulated responses may be missing.
+        The answer with its responses. If it was not simulated again, all columns of
+        simulated responses and of their standard errors are missing.
     x_target, y_target : Target
         The targets of the x axis and of the y axis.
     """

@@ -1,4 +1,8 @@
-"""Draw the measured, predicted and simulated profiles of targets that are profiles."""
+"""Draw the measured, predicted and simulated profiles of targets that are profiles.
+
+A profile, such as the outline of a pile, is a sum of functions with coefficients. The
+coefficients are called scores, and each score is a target.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,15 +20,18 @@ from repose.stages.tables import find_answer
 from . import panels, style
 from .registry import Inputs, StudyView
 
+PANEL_HEIGHT = 2.6  # inches
+
 
 def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw each measured profile with the corresponding profile of the answer.
+    """Draw each measured profile, with the predicted and simulated ones of the answer.
 
     Parameters
     ----------
     inputs : mapping
-        Path of `table4`, which contains the answer with the scores of each profile:
-        predicted and simulated ones, and their standard errors.
+        Path of `table4`, the table of the parameter sets that were simulated again. One
+        of them is the answer, the set that the study reports. Each has the scores
+        (coefficients) of each profile: predicted and simulated, with standard errors.
     study : StudyView
         The study.
 
@@ -34,6 +41,7 @@ def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
         The figure.
     """
     targets = study.targets
+    # Attributes such as `predicted` are names of columns.
     scores = [target.response for target in targets if target.profile]
     columns = []
     for score in scores:
@@ -41,15 +49,14 @@ def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
     table = read_table(inputs["table4"], ("role", *columns))
     answer = find_answer(table, source=inputs["table4"])
 
-    # A profile is a sum of functions, and the coefficients, its scores, are targets.
-    figure, axes = panels.grid(len(targets.profiles), 2.6)
+    figure, axes = panels.grid(len(targets.profiles), PANEL_HEIGHT)
     for panel, profile in zip(axes, targets.profiles.values(), strict=True):
         score_targets = [target for target in targets if target.profile == profile]
         responses = [target.response for target in score_targets]
         lines = _compute_answer_lines(profile, responses, answer)
-        # All scores have the same standard deviation. Because the functions are
-        # orthonormal, the mean variance of the heights is the sum of the variances of
-        # the scores.
+        # The functions are orthonormal. So the variance of the heights, averaged over
+        # the profile, is the sum of the variances of the scores. All scores have the
+        # same variance, and there are `profile.functions` of them.
         height_sd = score_targets[0].sd * np.sqrt(profile.functions)
         draw(panel, profile, sd=height_sd, lines=lines)
     style.name_panels(axes)
@@ -94,7 +101,7 @@ def draw(
     sd: float,
     lines: Mapping[str, tuple[np.ndarray, Any]],
 ) -> None:
-    """Draw a measured profile, and lines of heights at the same positions.
+    """Draw a measured profile, and other profiles as lines with a band of their error.
 
     Parameters
     ----------
@@ -105,7 +112,8 @@ def draw(
     sd : float
         Standard deviation of the measured heights.
     lines : mapping
-        Heights (M,) of each line, and half the width of the band around them, by label.
+        A pair for each line, by its label: the heights (M,) at the positions of the
+        measured profile, and half the width of the band around them, which may be 0.
     """
     panel.errorbar(
         profile.x,
@@ -130,7 +138,7 @@ def draw(
             alpha=0.2,
             lw=0,
         )
-    # The name of a profile ends with the unit of its lengths, after an underscore.
+    # The name of a profile, such as `surface_mm`, ends with the unit of its lengths.
     unit = profile.name.rpartition("_")[2]
     panel.set(xlabel=f"x ({unit})", ylabel=f"height ({unit})")
     panel.legend(loc="best")

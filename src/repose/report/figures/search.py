@@ -20,13 +20,24 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 MIN_LOSS_NOTE = (
-    "The answer is the set of the least expected error, which counts how uncertain each "
-    "prediction is; so it may lie beside the other sets."
+    "The answer is the set with the smallest expected error. This error includes how "
+    "uncertain each prediction is, so the answer may lie beside the other sets."
 )
 GOLDEN_FRACTION = 0.6180339887
-# Position of the fraction that the solutions span. The range itself extends from 0 to
-# 1.
-FRACTION_X = 1.03
+# In a strip, the range of a parameter extends from x = 0 to x = 1, and its middle is at a
+# whole number y. All sizes in y are thus multiples of the distance between two strips.
+FRACTION_X = 1.03  # where the fraction of the range that the solutions span is written
+STRIP_LIMITS = (-0.02, 1.13)  # of the x axis, with space for this fraction
+LEGEND_ROOM = 1.15  # below the middle of the lowest strip
+STRIP_HEIGHT = 0.62
+SPAN_HEIGHT = 0.40  # of the bar from the smallest to the largest solution
+SPREAD_HEIGHT = 0.34  # over which the points of the solutions are spread
+# The points and the bar lie a little above the middle, because published intervals and
+# numbers lie below it.
+POINTS_OFFSET = 0.03
+# Height of the figure in inches: without any strip, and for each strip
+BASE_HEIGHT = 1.5
+HEIGHT_PER_STRIP = 0.42
 # With more generations than this, their axis is logarithmic.
 LINEAR_GENERATIONS = 200
 HISTORY_COLUMNS = (
@@ -38,14 +49,19 @@ HISTORY_COLUMNS = (
 
 
 def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the parameters of the solutions in their ranges, and their responses.
+    """Draw where the solutions lie in the range of each parameter.
+
+    Each parameter has a horizontal strip, which stands for its range. Sentences below
+    the strips describe the predicted responses.
 
     Parameters
     ----------
     inputs : mapping
         Paths by name. `feasible` has a row for each solution with its parameters and
-        predicted responses. `summary` contains the result of the search. `published`
-        contains intervals of the parameters (Table 3 of the paper), and may be missing.
+        predicted responses. Its columns `feasible` and `representative` say whether a
+        solution is predicted to meet all targets, and whether it is the answer.
+        `summary` contains the result of the search. `published` contains intervals of
+        the parameters (Table 3 of the article), and may be missing.
     study : StudyView
         The study.
 
@@ -64,8 +80,8 @@ def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
         published = read_table(inputs["published"], ("parameter", "low", "high"))
         published = published.set_index("parameter")
 
-    # Draw a strip for each parameter, and write sentences below the strips.
-    figure = style.new_figure(style.PAGE, 1.5 + 0.42 * study.parameters.dimensions)
+    n_strips = study.parameters.dimensions
+    figure = style.new_figure(style.PAGE, BASE_HEIGHT + HEIGHT_PER_STRIP * n_strips)
     panel = figure.subplots()
     _draw_parameter_strips(panel, solutions, study=study, published=published)
     sentences = []
@@ -74,18 +90,23 @@ def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     sentences += [_describe_predictions(solutions, target) for target in targets]
     if published is not None:
         sentences.append(_describe_overlap(solutions, study, published))
-    style.write_below(figure, " ".join(sentences))
-    _write_title(figure, panel, solutions=solutions, summary=summary)
+    note = " ".join(sentences)
+    if not summary["feasible"]:
+        # The message of the search is more important: it says how near the search came.
+        note = _replace_names_by_symbols(summary.get("message", ""))
+    style.write_below(figure, note)
+    _write_title(panel, solutions, summary)
     return figure
 
 
 def _describe_predictions(solutions: pd.DataFrame, target: Target) -> str:
-    """Describe the predicted response of the solutions and of the answer.
+    """Describe between which values the solutions predict a response.
 
     Parameters
     ----------
     solutions : DataFrame
-        A row for each solution. The answer is one of them.
+        A row for each solution. The answer is the one whose column `representative` is
+        true. It may be missing.
     target : Target
         The target of the response.
 
@@ -138,21 +159,20 @@ def _describe_overlap(
 
 
 def _write_title(
-    figure: Figure, panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
+    panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
 ) -> None:
     """Write the title: the number of solutions, or that none of them is feasible.
 
+    A solution is feasible if all its responses are predicted inside their ranges.
+
     Parameters
     ----------
-    figure : Figure
-        The figure. If no solution is feasible, the message of the search replaces the
-        note below the figure.
     panel : Axes
         The panel of the figure.
     solutions : DataFrame
         A row for each solution.
     summary : mapping
-        Contents of miga/summary.json.
+        Contents of miga/summary.json, the result of the search.
     """
     n_shown = len(solutions)
     if summary["feasible"]:
@@ -164,16 +184,20 @@ def _write_title(
         return
     title = f"no set is predicted inside all ranges: the {n_shown} nearest are shown"
     panel.set_title(title, fontweight="bold", color=style.RED)
-    # Replace the names of parameters in the message by their symbols in the figure.
-    message = summary.get("message", "")
-    message = re.sub("|".join(SYMBOLS), lambda match: SYMBOLS[match[0]], message)
-    style.write_below(figure, message)
 
 
-def _scatter_places(count: int) -> np.ndarray:
-    """Make offsets (count,) from -0.5 to 0.5, the same in each figure.
+def _replace_names_by_symbols(message: str) -> str:
+    """Replace the names of parameters in a message by their symbols in the figure."""
+    # No name is the beginning of another one, and names contain only letters and
+    # underscores, so they can be alternatives of a regular expression.
+    return re.sub("|".join(SYMBOLS), lambda match: SYMBOLS[match[0]], message)
 
-    The offsets look random, but steps of the golden fraction fill the interval evenly.
+
+def _make_offsets(count: int) -> np.ndarray:
+    """Make offsets (count,) from -0.5 to 0.5 that keep points from hiding each other.
+
+    The offsets look random, but are the same in each figure. Steps of the golden
+    fraction fill the interval evenly.
     """
     return (np.arange(count) * GOLDEN_FRACTION % 1.0) - 0.5
 
@@ -189,7 +213,9 @@ def _draw_parameter_strips(
     study: StudyView,
     published: pd.DataFrame | None,
 ) -> None:
-    """Draw a strip for each free parameter, which shows its range from left to right.
+    """Draw a strip for each free parameter, with the solutions as points in it.
+
+    A strip shows the range of its parameter from left to right.
 
     Parameters
     ----------
@@ -208,8 +234,10 @@ def _draw_parameter_strips(
     for number, name in enumerate(names):
         low, high = ranges[name]
         y = len(names) - 1 - number  # the first parameter is at the top
+        # `shares` converts values of the parameter to fractions of its range.
         positions = study.parameters.shares(name, solutions[name].to_numpy())
-        # Only the first strip adds its labels to the legend.
+        # Matplotlib leaves labels with an underscore out of the legend, so only the first
+        # strip adds its labels.
         label_prefix = "" if number == 0 else "_"
         _draw_strip(
             panel,
@@ -230,13 +258,13 @@ def _draw_parameter_strips(
     panel.text(
         FRACTION_X,
         len(names) - 0.55,
-        "share of\nits range",
+        "fraction of\nits range",
         fontsize=style.SMALL_TEXT_PT,
         va="bottom",
         color=style.GREY,
     )
     panels.label_strips(panel, names)
-    panel.set(xlim=(-0.02, 1.13), ylim=(-1.15, len(names) - 0.4))
+    panel.set(xlim=STRIP_LIMITS, ylim=(-LEGEND_ROOM, len(names) - 0.4))
     panel.legend(
         loc="lower center",
         ncols=3,
@@ -302,13 +330,13 @@ def _draw_strip(
     label_prefix : str
         A prefix of the labels. An underscore keeps them out of the legend.
     """
-    middle = y + 0.03
-    panel.barh(y, 1, height=0.62, color=style.STRIP_COLOUR, zorder=0)
+    middle = y + POINTS_OFFSET
+    panel.barh(y, 1, height=STRIP_HEIGHT, color=style.STRIP_COLOUR, zorder=0)
     panel.barh(
         middle,
         positions.max() - positions.min(),
         left=positions.min(),
-        height=0.40,
+        height=SPAN_HEIGHT,
         color=style.SKY,
         alpha=0.35,
         zorder=1,
@@ -316,7 +344,7 @@ def _draw_strip(
     others = positions[~is_answer]
     panel.scatter(
         others,
-        middle + 0.34 * _scatter_places(len(others)),
+        middle + SPREAD_HEIGHT * _make_offsets(len(others)),
         s=5,
         color=style.BLUE,
         alpha=0.7,
@@ -329,20 +357,23 @@ def _draw_strip(
             positions[is_answer],
             np.full(is_answer.sum(), middle),
             "D",
-            label=f"{label_prefix}representative, the answer",
+            label=f"{label_prefix}the answer",
             **style.ANSWER_STYLE,
         )
 
 
 def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the objective over the generations, with the error of the surrogate.
+    """Draw how the objective of the search falls over the generations.
+
+    The objective is the distance from the targets that the search minimises.
 
     Parameters
     ----------
     inputs : mapping
         Paths by name. `history` has rows for some of the generations, with the best and
-        the mean objective. `summary` contains the standard errors of the answer's
-        predictions, and may be missing.
+        the mean objective. `summary` is the result of the search, and may be missing.
+        Its key `representative_judged` describes the answer, and may contain the
+        standard errors of its predictions as `predicted_se`.
     study : StudyView
         The study.
 
@@ -355,15 +386,16 @@ def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.COLUMN, 2.6)
     panel = figure.subplots()
     _draw_objective(panel, history)
-    # An objective below the error of the surrogate is not better if it is still
-    # smaller.
+    # The surrogate cannot tell apart objectives that are smaller than its own error. Draw
+    # this error as a line.
     if "summary" in inputs:
         summary = read_json(inputs["summary"], ("feasible",))
         errors = summary.get("representative_judged", {}).get("predicted_se")
         if errors:
             _draw_surrogate_error(panel, study, errors)
-    if not history["feasible_found"].max():
-        panel.set_title("no feasible solution was met", color=style.RED)
+    # The column counts the feasible solutions found so far.
+    if history["feasible_found"].max() == 0:
+        panel.set_title("no feasible solution was found", color=style.RED)
     panel.set_xlabel("generation")
     if history["generation"].max() > LINEAR_GENERATIONS:
         panel.set_xscale("log")
@@ -397,7 +429,11 @@ def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
 def _draw_surrogate_error(
     panel: Axes, study: StudyView, errors: Mapping[str, float]
 ) -> None:
-    """Draw the objective of a set that misses each target by the surrogate's error.
+    """Draw a line at the objective F that the error of the surrogate alone would cause.
+
+    It is the objective of a parameter set whose responses all miss their targets by
+    their standard errors. The formula is that of the search in
+    `repose.calibrate.search.objective`, so change both together.
 
     Parameters
     ----------
@@ -408,14 +444,14 @@ def _draw_surrogate_error(
     errors : mapping
         Standard errors of the predicted responses, by name.
     """
-    # According to Eq. 11 and 12, the objective is the weighted sum of the deviations,
-    # each divided by the width of its target range.
+    # According to Eq. 11 and 12 of the article, the objective is the weighted sum of the
+    # deviations, each divided by the width of its target range.
     objective = 0.0
-    clauses = []
+    error_texts = []
     for target in study.targets:
         error = errors[target.name]
         objective += target.weight * error / (target.high - target.low)
-        clauses.append(
+        error_texts.append(
             f"{format_significant(error, 2)} {target.response.unit}".rstrip()
         )
     panel.axhline(
@@ -423,5 +459,5 @@ def _draw_surrogate_error(
         color=style.RED,
         ls="--",
         lw=1.1,
-        label=f"F of the surrogate's standard errors ({', '.join(clauses)})",
+        label=f"F at the surrogate's standard errors ({', '.join(error_texts)})",
     )
