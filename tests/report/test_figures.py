@@ -315,9 +315,9 @@ def test_the_accuracy_of_a_surrogate_stands_beside_that_of_a_perfect_model(tmp_p
     says(
         drawn_texts(surrogate.draw_predicted_against_simulated, files),
         "test, 4 sets: R² 0.80, RMSE 1.00 deg\n"
-        "a perfect model on them: R² 0.95, RMSE 0.50 deg",
+        "a perfect model on these sets: R² 0.95, RMSE 0.50 deg",
         "test, 4 sets: R² 0.80, RMSE 1.00 mm\n"
-        "a perfect model on them: R² 0.55, RMSE 1.50 mm",
+        "a perfect model on these sets: R² 0.55, RMSE 1.50 mm",
     )
     # Two training samples with other values change the noise, but not the test samples:
     # the mean square of the errors is (4 * 0.25 + 2 * 1) / 6 = 0.5.
@@ -327,7 +327,7 @@ def test_the_accuracy_of_a_surrogate_stands_beside_that_of_a_perfect_model(tmp_p
     pd.concat([dataset, noisier]).to_csv(files["dataset"])
     says(
         drawn_texts(surrogate.draw_predicted_against_simulated, files),
-        "a perfect model on them: R² 0.90, RMSE 0.71 deg",
+        "a perfect model on these sets: R² 0.90, RMSE 0.71 deg",
     )
 
 
@@ -538,7 +538,9 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
         assert panel.get_xticks().tolist() == panel.get_yticks().tolist()
     text = texts_of(figure)
     assert bool(re.search(r"new points, \d+ sets: R²", text)) is fresh
-    assert text.count("a perfect model on them: ") == (1 + fresh) * len(figure.axes)
+    assert text.count("a perfect model on these sets: ") == (1 + fresh) * len(
+        figure.axes
+    )
 
 
 def test_the_error_of_the_surrogate_is_drawn_in_units_of_the_objective(

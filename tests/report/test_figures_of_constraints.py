@@ -57,7 +57,7 @@ def test_figures_name_the_shares_and_no_index(files, name):
 
 def test_the_influence_is_the_remaining_share_and_the_arrow_that_of_allowed_sets():
     found = surrogate.compute_influence(MODEL, SPACE, seed=1)
-    share = dict(zip(PARAMETERS, found.share[0], strict=True))
+    share = dict(zip(PARAMETERS, found.fraction[0], strict=True))
     # 3/4 a^2 / (a^2 + a b + b^2), with a = 1 and b = -1
     assert share["mus_gg"] == pytest.approx(0.75, abs=0.02)
     assert share["mus_gp"] == pytest.approx(0.75, abs=0.02)

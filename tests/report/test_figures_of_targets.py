@@ -329,7 +329,7 @@ def test_the_panels_are_those_of_targets_and_free_parameters(count, tmp_path):
     expected = {
         "noise": (count + 2, "slip (deg)", None),
         "corner": (len(FREE) * (len(FREE) + 1) / 2 + 1, "predicted", count),
-        "sobol": (count, f"first orders sum to {0.15 * len(FREE):.2f}", count),
+        "sobol": (count, f"first-order indices sum to {0.15 * len(FREE):.2f}", count),
         "main_effects": (len(FREE) * count, "slip (deg)", None),
     }
     for name, (panels, part, times) in expected.items():
@@ -480,7 +480,9 @@ def test_cells_of_a_pair_show_the_posterior_over_the_prior():
             (draws, 1.0, 1.0),
             (draws[draws["e_gg"] < 0.5], 2.0, 1 / posterior.LARGEST_RATIO),
         ):
-            mesh = posterior._draw_ratio(panel, part["e_gg"], part["mus_gg"], space)
+            mesh = posterior._draw_posterior_over_prior(
+                panel, part["e_gg"], part["mus_gg"], space
+            )
             values = np.reshape(mesh.get_array(), (posterior.N_PAIR_CELLS, -1))
             half = posterior.N_PAIR_CELLS // 2
             np.testing.assert_allclose(values[:, :half], low)

@@ -192,7 +192,7 @@ def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     style.draw_scale_bar(
         mesh_panel,
         look_at(frame_m, **camera),
-        place_m=np.zeros(3),
+        point_m=np.zeros(3),
         extent_m=max(mesh_in_m.extents),
     )
     for panel, kind, letter in zip(particle_panels, KINDS, "bcd", strict=True):

@@ -431,14 +431,14 @@ FIGURES: dict[str, Drawn] = {
     ),
     "sequential": Drawn(
         "sequential.draw_sequential_batches",
-        title="Probability and prediction by pours",
+        title="Probability and prediction by runs",
         inputs={"batches": "sequential/batches.csv", "check": "sequential/check.csv"},
         caption=(
-            "How certain did the answer become, and after how many pours? Left the "
-            "probability that the best point meets all targets within the "
-            "tolerance, after each batch of pours; dotted, the most that the pours "
-            "left can make of it; squares, the probability that any parameter set "
-            "meets them. Beside it: the responses predicted at the best point, with "
+            "How certain did the answer become, and after how many runs? Left the "
+            "probability that the best parameter set meets all targets within the "
+            "tolerance, after each batch of runs; dotted, the largest value that the "
+            "remaining runs can reach; squares, the probability that any parameter set "
+            "meets the targets. Beside it: the responses predicted at the best set, with "
             "one standard error, in percent off the target; the band is the "
             "tolerance. The filled point at the end is the answer simulated again "
             "with fresh seeds, with the standard error of its mean. It took no part "

@@ -23,19 +23,24 @@ class NoisePanels(NamedTuple):
 
     figure: Figure
     responses: list[Axes]  # runs of each response
-    error: Axes  # standard error of a mean over the number of seeds
-    r2: Axes  # reachable R2 over the number of seeds
+    error: Axes  # standard error of a mean against the number of seeds
+    r2: Axes  # reachable R2 against the number of seeds
 
 
 def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw runs around the mean of their sample, and the error of a mean over the seeds.
+    """Draw the noise of the runs, and what it means for averages over several seeds.
+
+    One panel for each response shows the runs around the mean of their sample. Two
+    further panels show the standard error of a mean, and the reachable R2. The latter
+    is the R2 of a surrogate that predicts the true means perfectly. Noise keeps it
+    below 1, and more seeds for each sample raise it.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `runs` has a row for each run. `seeds` contains the standard
-        error and the reachable R2 for each number of seeds, and `noise` the standard
-        deviations of each response.
+        Paths by name. `runs` has a row for each run, and `seeds` a row for each number
+        of seeds, with both quantities. `noise` contains the standard deviations of each
+        response.
     study : StudyView
         The study.
 
@@ -55,6 +60,7 @@ def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     r2_panel = panels.r2
     for k, (panel, target) in enumerate(zip(response_panels, targets, strict=True)):
         name = target.name
+        # A run may be ok but have no value of this response.
         measured_runs = runs[(runs["status"] == "ok") & runs[name].notna()]
         line_style = style.series_style(k)
         _draw_runs(panel, measured_runs, column=name, colour=line_style["color"])
@@ -62,10 +68,11 @@ def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
             xlabel="samples, in order of their mean (line)",
             ylabel=style.response_label(target.response),
         )
-        _write_deviations(panel, target.response.unit, deviations[name])
+        # This enlarges the panel, so it must follow the drawing of the runs.
+        _write_standard_deviations(panel, target.response.unit, deviations[name])
         _draw_standard_error(error_panel, seeds, target=target, line_style=line_style)
         _draw_reachable_r2(r2_panel, seeds, target=target, line_style=line_style)
-    _finish_panels_over_seeds(error_panel, r2_panel)
+    _set_scales_and_labels(error_panel, r2_panel)
     style.name_panels([*response_panels, error_panel, r2_panel])
     error_panel.legend()
     r2_panel.legend(
@@ -77,7 +84,7 @@ def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _arrange_panels(n_targets: int) -> NoisePanels:
-    """Arrange a panel for each response, and two panels over the number of seeds."""
+    """Arrange a panel for each response, and two panels that depend on the seeds."""
     # Two responses share a row. If the last response is alone in its row, its number
     # appears twice in the row, so that its panel is twice as wide.
     rows = [[k, min(k + 1, n_targets - 1)] for k in range(0, n_targets, 2)]
@@ -120,7 +127,9 @@ def _draw_runs(panel: Axes, runs: pd.DataFrame, column: str, colour: str) -> Non
     panel.plot(positions, means, color=style.BLACK, lw=1.2)
 
 
-def _write_deviations(panel: Axes, unit: str, deviations: Mapping[str, float]) -> None:
+def _write_standard_deviations(
+    panel: Axes, unit: str, deviations: Mapping[str, float]
+) -> None:
     """Write the standard deviations of a response above its runs.
 
     Parameters
@@ -146,7 +155,7 @@ def _write_deviations(panel: Axes, unit: str, deviations: Mapping[str, float]) -
 def _draw_standard_error(
     panel: Axes, seeds: pd.DataFrame, target: Target, line_style: Mapping[str, str]
 ) -> None:
-    """Draw the standard error of the mean of one response over the number of seeds."""
+    """Draw the standard error of the mean of one response against the number of seeds."""
     response = target.response
     percent = seeds[f"{response.quantity}_se_percent"]
     panel.plot(seeds["seeds"], percent, label=response.symbol, **line_style)
@@ -155,14 +164,17 @@ def _draw_standard_error(
 def _draw_reachable_r2(
     panel: Axes, seeds: pd.DataFrame, target: Target, line_style: Mapping[str, str]
 ) -> None:
-    """Draw the R2 of a perfect predictor over the number of seeds.
+    """Draw the reachable R2 of one response against the number of seeds, with a band.
+
+    It is the R2 of a surrogate that predicts the true means perfectly.
 
     Parameters
     ----------
     panel : Axes
         The panel to draw in.
     seeds : DataFrame
-        A row for each number of seeds.
+        A row for each number of seeds, which is in the column `seeds`. Three columns
+        contain the R2 and the ends of its 95 % interval.
     target : Target
         The target of the response.
     line_style : mapping
@@ -177,8 +189,8 @@ def _draw_reachable_r2(
     panel.plot(seeds["seeds"], seeds[column], label=response.symbol, **line_style)
 
 
-def _finish_panels_over_seeds(error_panel: Axes, r2_panel: Axes) -> None:
-    """Set the scales, ticks and labels of the panels over the number of seeds.
+def _set_scales_and_labels(error_panel: Axes, r2_panel: Axes) -> None:
+    """Set the scales, ticks and labels of the panels whose x axis counts seeds.
 
     Parameters
     ----------

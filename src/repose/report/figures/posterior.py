@@ -47,13 +47,20 @@ COLUMN_NOTE = (
 )
 # Upper left corners of the text and of the legend in the figure of pairs, as fractions
 # of the figure's width and height
-CORNER_TEXT_PLACE = (0.47, 0.975)
-CORNER_LEGEND_PLACE = (0.63, 0.8)
+CORNER_TEXT_POSITION = (0.47, 0.975)
+CORNER_LEGEND_POSITION = (0.63, 0.8)
 INTERVALS_HEIGHT = 3.3  # inches, of the figure of the credible intervals
-# On the x axis, a parameter's range extends from 0 to 1. The panel of the intervals
-# ends at `RIGHT_END`, which leaves space for numbers beside the range.
-RIGHT_END = 1.17
-NUMBERS_X = 1.03  # position of the numbers
+# In the panel of the intervals, each parameter has a strip. Its range extends from x = 0
+# to x = 1, and its middle is at a whole number y. So all sizes in y are multiples of the
+# distance between two strips.
+LEFT_END = -0.03
+RIGHT_END = 1.17  # leaves space for numbers beside the range
+NUMBERS_X = 1.03  # position of these numbers
+LEGEND_ROOM = 1.2  # below the middle of the lowest strip
+TOP_ROOM = 0.65  # above the middle of the highest strip, for the note on the numbers
+NOTE_OFFSET = 0.55  # of this note above the middle of the highest strip
+STRIP_HEIGHT = 0.8
+RANGE_TEXT_OFFSET = -0.47  # of the ends of the range, just below the strip
 # Height of the bar of the credible interval above the middle of a strip
 CREDIBLE_OFFSET = 0.22
 # Bars of a parameter: columns of the table, height above the middle, colour, width and
@@ -92,7 +99,7 @@ class CornerData(NamedTuple):
     """The data of a figure that shows the posterior in pairs of parameters."""
 
     posterior: "Posterior"
-    sets: pd.DataFrame  # parameter sets that are marked
+    sets: pd.DataFrame  # parameter sets that are marked, a row for each
     sets_label: str
     published_sets: Sequence[PublishedSets] = ()
 
@@ -101,14 +108,19 @@ class CornerData(NamedTuple):
 
 
 def draw_posterior(inputs: Inputs, study: StudyView) -> Figure:
-    """Plot the draws of the posterior over each parameter and each pair, with solutions.
+    """Draw a corner plot of the posterior: each parameter alone, and each pair.
+
+    The posterior is a table of random parameter sets, called draws. They are the more
+    frequent, the better a parameter set agrees with the measurements. The solutions of
+    the search are marked.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. The rows of `draws` are parameter sets, those of `posterior`
-        parameters, and those of `feasible` solutions. `summary` contains the
-        predictions. `published` has a row for each published set, and may be missing.
+        Paths by name. `draws` has a row for each draw, `posterior` for each parameter,
+        and `feasible` for each solution. `summary` contains the predicted responses and
+        the quality of the draws. `published` has a row for each published parameter
+        set, and may be missing.
     study : StudyView
         The study.
 
@@ -173,7 +185,10 @@ def _split_published_sets(
 def draw_corner(
     figure: FigureBase, parameters: ParameterSpace, targets: Targets, data: CornerData
 ) -> None:
-    """Draw a posterior in an empty figure: each free parameter, and each pair of them.
+    """Draw a corner plot of a posterior in an empty figure.
+
+    The panels on the diagonal show each free parameter alone, and those below it each
+    pair. The empty half above the diagonal holds the text and the legend.
 
     Parameters
     ----------
@@ -186,11 +201,12 @@ def draw_corner(
     data : CornerData
         The posterior, and the parameter sets to mark.
     """
-    # On the diagonal draw each parameter alone, and below it each pair of parameters.
     draws = data.posterior.draws
     table = data.posterior.parameters.set_index("parameter")
     has_published_intervals = "published_low" in table
-    mesh = None  # for the colour bar; a single parameter has none
+    # The cells of the last pair, for the colour bar, which is the same for all pairs. If
+    # there is only one parameter, there is no pair.
+    mesh = None
     pair_panels = panels.add_pair_panels(figure, parameters)
     for panel, x_name, y_name in pair_panels:
         if x_name == y_name:
@@ -198,14 +214,15 @@ def draw_corner(
                 panel, draws[x_name], parameters=parameters, row=table.loc[x_name]
             )
             continue
-        mesh = _draw_ratio(panel, draws[x_name], draws[y_name], parameters)
+        mesh = _draw_posterior_over_prior(
+            panel, draws[x_name], draws[y_name], parameters
+        )
         _draw_sets(panel, data, x_name=x_name, y_name=y_name)
         if has_published_intervals:
             _draw_published_box(panel, table.loc[x_name], table.loc[y_name])
     panels.finish_pair_panels(pair_panels, parameters, margin=0.02)
 
-    # The empty half above the diagonal leaves room for the text and the legend.
-    text_x, text_y = CORNER_TEXT_PLACE
+    text_x, text_y = CORNER_TEXT_POSITION
     figure.text(
         text_x,
         text_y,
@@ -216,7 +233,7 @@ def draw_corner(
     )
     if mesh is not None:
         _draw_ratio_bar(figure, mesh, [panel.axes for panel in pair_panels])
-    last_panel = pair_panels[-1].axes
+    last_panel = pair_panels[-1].axes  # any panel would do
     handles = _make_legend_handles(
         last_panel,
         data,
@@ -226,7 +243,7 @@ def draw_corner(
     figure.legend(
         handles=handles,
         loc="upper left",
-        bbox_to_anchor=CORNER_LEGEND_PLACE,
+        bbox_to_anchor=CORNER_LEGEND_POSITION,
         fontsize=7.5,
     )
 
@@ -250,12 +267,12 @@ def _draw_sets(panel: Axes, data: CornerData, x_name: str, y_name: str) -> None:
         data.sets[x_name], data.sets[y_name], s=5, color=style.RED, lw=0, zorder=4
     )
     is_pair_of_grains = x_name.endswith("_gg") and y_name.endswith("_gg")
-    for sets in data.published_sets:
-        if not sets.wall or is_pair_of_grains:
+    for published in data.published_sets:
+        if not published.wall or is_pair_of_grains:
             panel.scatter(
-                sets.table[x_name],
-                sets.table[y_name],
-                marker=sets.marker,
+                published.table[x_name],
+                published.table[y_name],
+                marker=published.marker,
                 zorder=6,
                 **PUBLISHED_STYLE,
             )
@@ -279,10 +296,11 @@ def _draw_marginal(
     """
     name = row.name
     edges = compute_cell_edges(parameters, name, N_BINS)
-    # All cells have the same width along the scale of the parameter. Weight the draws
-    # so that the histogram shows their density along this scale.
-    width = parameters.coordinates(name, edges[[0, -1]]) @ [-1, 1] / N_BINS
-    weight = 1 / (len(values) * width)
+    # All bins have the same width along the scale of the parameter. Weight the draws so
+    # that the histogram shows their density along this scale, and so that its area is 1.
+    low, high = parameters.coordinates(name, edges[[0, -1]])
+    bin_width = (high - low) / N_BINS
+    weight = 1 / (len(values) * bin_width)
     panel.hist(
         values,
         bins=edges,
@@ -292,9 +310,11 @@ def _draw_marginal(
     )
     prior_values, density = _compute_prior_density(parameters, name)
     panel.plot(prior_values, density, color=style.GREY, lw=0.9, ls="--")
+    # The table has this column only if intervals were published.
     if pd.notna(row.get("published_low")):
-        low, high = row[PUBLISHED_COLUMNS]
-        panel.axvspan(low, high, fill=False, ec=style.BLACK, lw=0.9)
+        published_low, published_high = row[PUBLISHED_COLUMNS]
+        panel.axvspan(published_low, published_high, fill=False, ec=style.BLACK, lw=0.9)
+    # The information that the measurements give about the parameter.
     panel.set_title(
         f"{row['information_bits']:.2f} bits", fontsize=6.5, loc="center", pad=2
     )
@@ -329,7 +349,7 @@ def _compute_prior_density(
     return values, np.gradient(cumulative, parameters.coordinates(name, values))
 
 
-def _draw_ratio(
+def _draw_posterior_over_prior(
     panel: Axes, x_draws: pd.Series, y_draws: pd.Series, parameters: ParameterSpace
 ) -> QuadMesh:
     """Draw the ratio of posterior to prior probability of two parameters, cell by cell.
@@ -359,17 +379,20 @@ def _draw_ratio(
         _compute_prior_of_cells(parameters, str(x_draws.name)),
         _compute_prior_of_cells(parameters, str(y_draws.name)),
     )
-    ratio = counts / counts.sum() / prior
+    # Divide the probabilities of each cell. No prior probability is 0.
+    posterior = counts / counts.sum()
+    ratio = posterior / prior
     # On a logarithmic scale, equal factors above and below 1 are equally far from
-    # white.
-    colours = LogNorm(1 / LARGEST_RATIO, LARGEST_RATIO)
-    shown_ratio = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
+    # white. The scale has no place for 0, so limit the ratio to its ends.
+    smallest_ratio = 1 / LARGEST_RATIO
+    colour_scale = LogNorm(smallest_ratio, LARGEST_RATIO)
+    shown_ratio = np.clip(ratio, smallest_ratio, LARGEST_RATIO)
     return panel.pcolormesh(
         x_edges,
         y_edges,
-        shown_ratio.T,
+        shown_ratio.T,  # `histogram2d` counts x along rows, `pcolormesh` along columns
         cmap=RATIO_COLOURS,
-        norm=colours,
+        norm=colour_scale,
         rasterized=True,
     )
 
@@ -440,6 +463,8 @@ def _draw_published_box(panel: Axes, x_row: pd.Series, y_row: pd.Series) -> None
 def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
     """Describe the predictions of the posterior, and how reliable its draws are.
 
+    The text also explains the numbers above the histograms.
+
     Parameters
     ----------
     summary : mapping
@@ -460,14 +485,17 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
             f"({predicted['low']:.1f}–{predicted['high']:.1f})"
         )
 
-    # Describe how well the best draw fits, and whether the draws can be trusted.
+    # Describe how well the best draw fits, and whether the draws can be trusted. Where
+    # there are few simulated samples, the surrogate extrapolates. R-hat compares several
+    # chains of draws and is 1 if they agree. Draws of a chain resemble each other, so
+    # they are worth only a smaller number of effective, independent draws.
     distance = summary["misfit"]["squared_distance"] ** 0.5
-    thin_percent = 100 * summary["thin_share"]
+    sparse_percent = 100 * summary["thin_share"]
     r_hat = summary["largest_r_hat"]
     n_effective = summary["least_effective_draws"]
     lines += [
         f"best draw {distance:.2f} standard deviations from the targets",
-        f"{thin_percent:.0f} % of the draws lie where samples are thin",
+        f"{sparse_percent:.0f} % of the draws lie where samples are sparse",
         f"R-hat ≤ {r_hat:.3f}, effective draws ≥ {n_effective:.0f}",
         "above each histogram: information (1 bit halves the range)",
     ]
@@ -481,17 +509,18 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
 def _make_legend_handles(
     panel: Axes, data: CornerData, has_prior: bool, has_published_intervals: bool
 ) -> list[Artist]:
-    """Make the entries of the legend: the posterior, its prior, and what is marked.
+    """Make the entries of the legend: the posterior, its prior, and the parameter sets.
 
     Parameters
     ----------
     panel : Axes
-        Any panel. Marks without points are added to it for the published sets, so that
-        they appear in the legend.
+        Any panel. For each source of published sets, an empty scatter plot is added to
+        it, because a legend can only show markers that are in a panel.
     data : CornerData
-        The sets that are marked.
+        The parameter sets that are marked.
     has_prior : bool
-        Whether any parameter has a prior that is not uniform.
+        Whether the configuration gives a prior for any parameter. All others have a
+        uniform prior.
     has_published_intervals : bool
         Whether published intervals are drawn.
 
@@ -500,6 +529,7 @@ def _make_legend_handles(
     list of Artist
         The entries, from top to bottom.
     """
+    # The legend shows boxes at its own size, so any size will do here.
     unit_box = {"xy": (0, 0), "width": 1, "height": 1}
     prior_label = "prior" if has_prior else "uniform prior"
     handles: list[Artist] = [
@@ -512,12 +542,14 @@ def _make_legend_handles(
     if has_published_intervals:
         box_style = {"fill": False, "ec": style.BLACK, "lw": 1.1}
         handles.append(Rectangle(**unit_box, **box_style, label="published intervals"))
-    for sets in data.published_sets:
-        label = sets.source.partition(",")[0]
-        if sets.wall:
-            label += f" (wall: {sets.wall})"
+    for published in data.published_sets:
+        label = published.source.partition(",")[0]
+        if published.wall:
+            label += f" (wall: {published.wall})"
         handles.append(
-            panel.scatter([], [], marker=sets.marker, label=label, **PUBLISHED_STYLE)
+            panel.scatter(
+                [], [], marker=published.marker, label=label, **PUBLISHED_STYLE
+            )
         )
     return handles
 
@@ -528,15 +560,15 @@ def _make_legend_handles(
 def draw_credible_intervals(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the credible interval of each parameter in its range, with the answer.
 
-    The span of the solutions that the search found is drawn, too, and the span of the
-    published solutions if there are any.
+    The range over which the solutions of the search spread is drawn, too, and that of
+    the published solutions if there are any.
 
     Parameters
     ----------
     inputs : mapping
         Paths by name. `posterior` has a row for each parameter, with the ends of its
-        intervals. `feasible` has a row for each solution, of which one may be the
-        answer.
+        intervals. `feasible` has a row for each solution of the search. If one of them
+        is the answer, its column `representative` is true.
     study : StudyView
         The study.
 
@@ -550,6 +582,7 @@ def draw_credible_intervals(inputs: Inputs, study: StudyView) -> Figure:
     )
     names = table["parameter"].tolist()
     solutions = read_table(inputs["feasible"], ("representative", *names))
+    # `draw_intervals` marks the values of a column `answer`.
     answers = solutions[solutions["representative"]]
     if len(answers):
         table = table.assign(answer=answers.iloc[0][names].to_numpy(float))
@@ -579,12 +612,15 @@ def draw_intervals(
     for number, (_, row) in enumerate(table.iterrows()):
         # The first parameter is at the top.
         y = n_parameters - 1 - number
-        # This function converts values of the parameter to positions in its range.
-        places = partial(parameters.shares, row["parameter"])
-        _draw_interval_strip(panel, row, places=places, y=y, is_first=number == 0)
+        # The method `shares` converts values of a parameter to positions in its range.
+        to_position = partial(parameters.shares, row["parameter"])
+        _draw_interval_strip(
+            panel, row, to_position=to_position, y=y, is_first=number == 0
+        )
+    highest_y = n_parameters - 1
     panel.text(
         RIGHT_END,
-        n_parameters - 0.45,
+        highest_y + NOTE_OFFSET,
         COLUMN_NOTE,
         fontsize=6.3,
         ha="right",
@@ -592,18 +628,20 @@ def draw_intervals(
         color=style.BLACK,
     )
     panels.label_strips(panel, table["parameter"].tolist())
-    panel.set(xlim=(-0.03, RIGHT_END), ylim=(-1.2, n_parameters - 0.35))
+    panel.set(xlim=(LEFT_END, RIGHT_END), ylim=(-LEGEND_ROOM, highest_y + TOP_ROOM))
     panel.legend(loc="lower center", ncols=4, bbox_to_anchor=(0.5, -0.02))
 
 
 def _draw_interval_strip(
     panel: Axes,
     row: pd.Series,
-    places: Callable[[np.ndarray], np.ndarray],
+    to_position: Callable[[np.ndarray], np.ndarray],
     y: float,
     is_first: bool,
 ) -> None:
     """Draw the intervals of one parameter as bars in a strip that shows its range.
+
+    The ends of the range are written below the strip, and two numbers beside it.
 
     Parameters
     ----------
@@ -611,7 +649,7 @@ def _draw_interval_strip(
         The panel to draw in.
     row : Series
         Row of the parameter in the table of the posterior.
-    places : callable
+    to_position : callable
         Function that converts values of the parameter to positions in its range, from 0
         to 1.
     y : float
@@ -619,11 +657,11 @@ def _draw_interval_strip(
     is_first : bool
         Whether the strip adds its labels to the legend.
     """
-    panel.barh(y, 1, height=0.8, color=style.STRIP_COLOUR, zorder=0)
+    panel.barh(y, 1, height=STRIP_HEIGHT, color=style.STRIP_COLOUR, zorder=0)
     for columns, offset, colour, width, label in INTERVAL_BARS:
         # If the table does not contain the ends of this bar, nothing is drawn.
         ends = row.reindex(columns).dropna().astype(float).to_numpy()
-        positions = places(ends)
+        positions = to_position(ends)
         panel.plot(
             positions,
             [y + offset] * len(positions),
@@ -634,7 +672,7 @@ def _draw_interval_strip(
             label=label if is_first and len(positions) else None,
         )
     panel.plot(
-        [places(row["median"])],
+        [to_position(row["median"])],
         [y + CREDIBLE_OFFSET],
         "|",
         ms=6,
@@ -644,13 +682,16 @@ def _draw_interval_strip(
     )
     if "answer" in row:
         panel.plot(
-            [places(row["answer"])],
+            [to_position(row["answer"])],
             [y],
             "D",
+            # Matplotlib leaves labels with an underscore out of the legend.
             label="the answer" if is_first else "_the answer",
             **style.ANSWER_STYLE,
         )
-    # The intervals are estimates, so their ratio may slightly exceed 1.
+    # Write which fraction of the interval the measurements leave open, and how much
+    # information they give. The intervals are estimates, so the ratio of their widths
+    # may slightly exceed 1.
     percent = 100 * min(row["width_ratio"], 1.0)
     text = f"{percent:.0f} %   {row['information_bits']:.2f} bits"
     panel.text(NUMBERS_X, y, text, fontsize=style.SMALL_TEXT_PT, va="center")
@@ -658,7 +699,7 @@ def _draw_interval_strip(
     for x, value in ((0, row["low"]), (1, row["high"])):
         panel.text(
             x,
-            y - 0.47,
+            y + RANGE_TEXT_OFFSET,
             f"{value:g}",
             fontsize=6,
             ha="center",

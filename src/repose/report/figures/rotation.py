@@ -205,7 +205,7 @@ def _draw_and_measure_state(
     panel.imshow(picture)
     camera = look_at(frame_m, **view)
     style.draw_scale_bar(
-        panel, camera, place_m=np.zeros(3), extent_m=2 * inside.radius_m
+        panel, camera, point_m=np.zeros(3), extent_m=2 * inside.radius_m
     )
 
     # Measure the surface in the silhouette of the bed.

@@ -1,4 +1,4 @@
-"""Draw the probability and the predictions of the sequential strategy over the pours."""
+"""Draw the probability and the predictions of the sequential strategy over its runs."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -11,19 +11,22 @@ from repose.common.files import read_table
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Position of the check on the axis of the pours, as a multiple of the last batch's
+# Position of the check on the axis of the runs, as a multiple of the last batch's
 # position
 CHECK_X_FACTOR = 1.06
 
 
 def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the probability and the predicted responses after each batch, and the check.
+    """Draw the probability and the predicted responses after each batch of runs.
+
+    The last point of each response is the check: the answer, simulated again.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `batches` has a row for each batch of pours, and `check` a row
-        for each response.
+        Paths by name. `batches` has a row for each batch, with the number of all runs
+        so far as `pours`, three probabilities, and the predicted responses. `check` has
+        a row for each response, with its mean in the new simulations of the answer.
     study : StudyView
         The study.
 
@@ -34,6 +37,7 @@ def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
     """
     targets = study.targets
     settings = study.settings.sequential
+    # Each response has two columns, which `_draw_predictions` reads, too.
     columns = [
         f"{name}_{number}" for name in targets.names for number in ("mean", "error")
     ]
@@ -48,18 +52,18 @@ def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
     _draw_probability(axes[0], batches, settings)
     for panel, target in zip(axes[1:], targets, strict=True):
         style.prepare_deviations(
-            panel, target, percent=settings.tolerance_percent, xlabel="pours"
+            panel, target, percent=settings.tolerance_percent, xlabel="runs"
         )
         _draw_predictions(panel, batches, target)
         # Draw the check after the last batch.
-        last_pours = float(batches["pours"].iloc[-1])
-        _draw_check(panel, check, target, x=CHECK_X_FACTOR * last_pours)
+        last_runs = float(batches["pours"].iloc[-1])
+        _draw_check(panel, check, target, x=CHECK_X_FACTOR * last_runs)
     style.draw_legend(axes, loc="outside lower center", ncols=3)
 
     last_probability = batches["probability"].iloc[-1]
     outcome = "reached" if last_probability >= settings.probability else "NOT reached"
     title = (
-        f"{outcome}: all targets met with probability {last_probability:.2f}; asked for is "
+        f"{outcome}: all targets met with probability {last_probability:.2f}; required: "
         f"{settings.probability:g}"
     )
     figure.suptitle(title, fontsize=7.5)
@@ -71,52 +75,53 @@ def _draw_probability(
 ) -> None:
     """Draw the probability of meeting the targets after each batch.
 
-    The panel shows three curves: the probability that the best point meets the targets,
-    the highest probability that the remaining pours can reach for it, and the
-    probability that any parameter set meets the targets.
+    The panel shows three columns of the table. `probability` is that with which the
+    best parameter set meets the targets. `reachable` is the largest value to which the
+    remaining runs can raise it. `in_reach` is the probability that there is any
+    parameter set that meets the targets.
 
     Parameters
     ----------
     panel : Axes
         The panel to draw in.
     batches : DataFrame
-        A row for each batch of pours.
+        A row for each batch of runs.
     settings : SequentialSettings
         The section `sequential`.
     """
-    pours = batches["pours"]
+    n_runs = batches["pours"]
     panel.plot(
-        pours,
+        n_runs,
         batches["probability"],
         "o-",
         ms=4,
         color=style.BLUE,
-        label="probability of the best point",
+        label="probability of the best set",
     )
     panel.plot(
-        pours,
+        n_runs,
         batches["reachable"],
         ":",
         ms=4,
         color=style.GREY,
-        label="the most that the pours left can make of it",
+        label="largest value that the remaining runs can reach",
     )
     panel.plot(
-        pours,
+        n_runs,
         batches["in_reach"],
         "s-",
         ms=3,
         color=style.ORANGE,
-        label="probability that any set meets them",
+        label="probability that any set meets the targets",
     )
     panel.axhline(
         settings.probability,
         color=style.RED,
         ls="--",
         lw=0.9,
-        label="probability asked for",
+        label="required probability",
     )
-    panel.set(xlabel="pours", ylabel="probability", ylim=(-0.03, 1.02))
+    panel.set(xlabel="runs", ylabel="probability", ylim=(-0.03, 1.02))
     panel.set_title(f"All targets within {settings.tolerance_percent:g} %")
 
 
@@ -148,10 +153,11 @@ def _draw_check(panel: Axes, check: pd.DataFrame, target: Target, x: float) -> N
     target : Target
         The target of the response.
     x : float
-        Position of the answer on the axis of the pours.
+        Position of the answer on the axis of the runs.
     """
-    row = check.loc[target.name, ["simulated", "simulated_error"]].astype(float)
-    simulated, error = row
+    simulated, error = check.loc[target.name, ["simulated", "simulated_error"]].astype(
+        float
+    )
     panel.errorbar(
         [x],
         [target.off_percent(simulated)],

@@ -73,7 +73,7 @@ FIXED_METADATA = {
 
 
 def applied() -> AbstractContextManager[None]:
-    """Apply this style in a context, regardless of the user's own settings."""
+    """Return a context in which figures have this style, not that of the user."""
     settings = matplotlib.rc_params_from_file(
         Path(__file__).with_name("figures.mplstyle"), use_default_template=False
     )
@@ -216,14 +216,15 @@ def parameter_label(name: str) -> str:
 
 
 def describe_line(settings: MeasureSettings, definition: str | None = None) -> str:
-    """Describe the line that defines an angle, for the text of a figure.
+    """Describe the line through a pile's side that defines an angle, for a figure.
 
     Parameters
     ----------
     settings : MeasureSettings
         Settings of the lines.
     definition : str, optional
-        One of `DEFINITIONS`; by default that of the calibrated angle.
+        Name of a definition of the angle, one of `repose.measure.angles.DEFINITIONS`. By
+        default, it is that of the calibrated angle, `settings.response`.
 
     Returns
     -------
@@ -237,19 +238,27 @@ def describe_line(settings: MeasureSettings, definition: str | None = None) -> s
         return "line fitted to the whole side"
     if definition == "straightest":
         percent = 100 * settings.smallest_window
-        return f"line fitted to the straightest {percent:.2g} % or more of the side"
+        return (
+            "line fitted to the straightest part of the side, at least "
+            f"{percent:.2g} % of it"
+        )
     height_band = describe_height_band(settings)
     if definition == "steepest":
         return (
-            f"line fitted to the steepest half or more of the side from {height_band}"
+            "line fitted to the steepest part, at least half, of the side from "
+            f"{height_band}"
         )
+    # The remaining definition, "flank", uses all of the side between two heights.
     return f"line fitted to the side from {height_band}"
 
 
 def explain_symbols(figure: Figure, config: Config) -> None:
     """Explain the calibrated angle and the subscripts below a figure.
 
-    Only symbols that occur in the figure are explained.
+    Only symbols that occur in the figure are explained. Call this once, as the last
+    step: a second call would write the note again. If there is a legend below the
+    figure, the note becomes part of its title. Otherwise it follows the text below the
+    figure.
 
     Parameters
     ----------
@@ -269,8 +278,8 @@ def explain_symbols(figure: Figure, config: Config) -> None:
     note = "\n".join(textwrap.fill(sentence, width) for sentence in explanations)
     lowest_legend = _find_lowest_legend(figure)
     if lowest_legend is None:
-        words_before = figure.get_supxlabel()
-        figure.supxlabel(f"{words_before}\n{note}".lstrip(), fontsize=SMALL_TEXT_PT)
+        text_below = figure.get_supxlabel()
+        figure.supxlabel(f"{text_below}\n{note}".lstrip(), fontsize=SMALL_TEXT_PT)
     else:
         # The legend occupies the lower edge, so make the note part of its title.
         title = lowest_legend.get_title().get_text()
@@ -278,14 +287,18 @@ def explain_symbols(figure: Figure, config: Config) -> None:
 
 
 def _explain_angles(config: Config, shown_text: str) -> list[str]:
-    """Describe the line of each calibrated angle whose symbol is shown.
+    """Describe how each calibrated angle is measured, if the figure shows its symbol.
+
+    The angle of a pile is the slope of a line through its side, and there are several
+    definitions of this line.
 
     Parameters
     ----------
     config : mapping
-        The configuration. Without targets or a measurement there is nothing to explain.
+        The configuration. Without its sections `targets` and `measure`, there is nothing
+        to explain.
     shown_text : str
-        All texts of the figure.
+        All texts of the figure. A symbol may occur anywhere in it.
 
     Returns
     -------
@@ -294,11 +307,14 @@ def _explain_angles(config: Config, shown_text: str) -> list[str]:
     """
     if not {"targets", "measure"} <= config.keys():
         return []
+    study = StudyView(config)
     explanations = []
-    for response in read_targets(config).responses:
+    for response in study.targets.responses:
+        # The definition of a response lists the settings on which it depends. The key
+        # `measure.response` chooses the line of the angle.
         is_calibrated_angle = "measure.response" in response.definition
         if is_calibrated_angle and response.symbol in shown_text:
-            line = describe_line(StudyView(config).settings.measure)
+            line = describe_line(study.settings.measure)
             explanations.append(
                 f"{response.symbol}: {response.label} (simulated piles: {line})"
             )
@@ -436,9 +452,9 @@ def round_length(longest: float) -> float:
 def draw_scale_bar(
     panel: Axes,
     camera: "Camera",
-    place_m: np.ndarray,
+    point_m: np.ndarray,
     extent_m: float,
-    words_after: str = "",
+    suffix: str = "",
 ) -> None:
     """Draw a scale bar in the lower right corner of a camera's picture.
 
@@ -450,21 +466,23 @@ def draw_scale_bar(
         The panel of the picture.
     camera : Camera
         The camera of the picture.
-    place_m : ndarray
-        A point (3,) of the world. The bar is correct at this point's distance from the
-        camera.
+    point_m : ndarray
+        A point (3,) in the coordinates of the simulation. In a picture with perspective,
+        the bar is correct only at this point's distance from the camera.
     extent_m : float
         Length of the object in the picture.
-    words_after : str
+    suffix : str
         Text that follows the length of the bar.
     """
     length_m = round_length(0.3 * extent_m)
     # Compute the length in pixels of a bar that begins at the point and lies across the
     # view.
-    ends_m = place_m + np.outer([0.0, length_m], camera.axes[0])
+    right_axis, _, _ = camera.axes
+    ends_m = point_m + np.outer([0.0, length_m], right_axis)
     x, _, _ = camera.project(ends_m)
     length_px = x[1] - x[0]
 
+    # Place the bar near the lower right corner, and its text a little above it.
     right = 0.97 * camera.width
     row = 0.94 * camera.height
     # Add a white margin, because the bar may lie over grains.
@@ -480,7 +498,7 @@ def draw_scale_bar(
     panel.text(
         right,
         row - 0.02 * camera.height,
-        f"{1e3 * length_m:g} mm{words_after}",
+        f"{1e3 * length_m:g} mm{suffix}",
         ha="right",
         va="bottom",
         fontsize=SMALL_TEXT_PT,

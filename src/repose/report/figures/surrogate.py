@@ -34,16 +34,16 @@ SPLITS = (
 UNSEEN_SPLITS = ("test", "new points")  # not used to train the model
 INFLUENCE_POINTS = 1024
 INFLUENCE_NOTE = (
-    "influence: share of the variance of the predicted response, over the ranges of all "
-    "parameters, in which the input has a part (total Sobol index); shares add up to more "
-    "than 100 % where parameters interact. Arrow: the response rises or falls from the "
-    "input's least to its largest value."
+    "influence: fraction of the variance of the predicted response, over the ranges of "
+    "all parameters, in which the input has a part (total Sobol index); fractions add up "
+    "to more than 100 % where parameters interact. Arrow: the response rises or falls "
+    "from the input's smallest to its largest value."
 )
 INFLUENCE_NOTE_WITH_CONSTRAINTS = (
-    "influence: share of the variance of the predicted response, over what the "
+    "influence: fraction of the variance of the predicted response, over what the "
     "constraints allow, that remains if all other inputs are known, E[Var(y|others)] / "
-    "Var(y). Arrow: the mean response rises or falls from the input's least to its "
-    "largest allowed value."
+    "Var(y). Arrow: the mean response rises or falls from the input's smallest to "
+    "its largest allowed value."
 )
 ACCURACY_NOTE = (
     "bars: ± 1 standard error of the simulated mean over its pours. A perfect model "
@@ -51,6 +51,20 @@ ACCURACY_NOTE = (
     "leaves, for the test samples the mean scatter of the whole design; by chance a model "
     "can seem better."
 )
+# Drawing of the network. The layers are at x = 0, 1 and 2, and the nodes of a layer extend
+# from y = -1 to y = 1 at most.
+TITLE_Y = 1.13  # of the titles of the layers
+NETWORK_Y_LIMITS = (-1.1, 1.38)  # leaves space for these titles
+SYMBOL_GAP = 0.12  # between the centre of a node and the symbol beside it
+NETWORK_LEFT = -0.6  # leaves space for the symbols of the inputs
+NETWORK_RIGHT = 2.45  # without the symbols of the outputs
+LETTER_WIDTH = 0.055  # of these symbols
+# Height of the figure of the network in inches: at least, without bars, and for each bar
+MIN_NETWORK_HEIGHT = 3.1
+HEIGHT_WITHOUT_BARS = 1.0
+HEIGHT_PER_BAR = 0.17
+BARS_FRACTION = 0.8  # of the distance between two inputs, filled by bars
+ACCURACY_ROW_HEIGHT = 3.9  # inches, of the panels of predicted over simulated values
 
 
 class Influence(NamedTuple):
@@ -59,7 +73,9 @@ class Influence(NamedTuple):
     It is 0 for a fixed input, and for all inputs if an output is constant.
     """
 
-    share: np.ndarray  # total Sobol index; `remaining` if there are constraints
+    # Fraction of the variance: the total Sobol index, or the fraction `remaining` if
+    # there are constraints between the inputs
+    fraction: np.ndarray
     direction: np.ndarray  # 1 if the output rises with the input, -1 if it falls
 
 
@@ -83,7 +99,7 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Path of the network's file, as `network`.
+        Path of the network's file, as `network`. The network has one hidden layer.
     study : StudyView
         The study.
 
@@ -92,11 +108,12 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     Figure
         The figure.
     """
+    # Read the structure of the network, and below the network itself for predictions.
     path = inputs["network"]
     network = read_json(
         path, ("inputs", "outputs", "W1", "W2"), "the file of a network"
     )
-    # The weights of the first layer have a row for each hidden node.
+    # The weights `W1` from the inputs to the hidden layer have a row for each hidden node.
     n_hidden, n_inputs = np.shape(np.atleast_2d(network["W1"]))
     n_outputs = len(network["outputs"])
     layers = Layers(
@@ -107,12 +124,13 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     titles = _format_layer_titles(network, layers)
     symbols = _find_symbols(network["outputs"], study.targets, path)
     influence = compute_influence(
-        load(path), study.parameters, study.settings.design.seed
+        load(path), study.parameters, seed=study.settings.design.seed
     )
 
-    # The height of the panels depends on the number of bars.
+    # There is a bar for each pair of an input and an output.
     n_bars = n_outputs * n_inputs
-    figure = style.new_figure(style.PAGE, max(3.1, 1.0 + 0.17 * n_bars))
+    height = HEIGHT_WITHOUT_BARS + HEIGHT_PER_BAR * n_bars
+    figure = style.new_figure(style.PAGE, max(MIN_NETWORK_HEIGHT, height))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
     _draw_network(
         left, layers, titles=titles, inputs=network["inputs"], symbols=symbols
@@ -180,14 +198,14 @@ def _draw_network(
     inputs: Sequence[str],
     symbols: Sequence[str],
 ) -> None:
-    """Draw the nodes of the network, and a thin line for each weight.
+    """Draw the nodes of a network with one hidden layer, and a thin line for each weight.
 
     Parameters
     ----------
     panel : Axes
         The panel to draw in.
     layers : Layers
-        Positions of the nodes.
+        Positions of the nodes, from `_place_nodes`.
     titles : sequence of str
         Titles of the layers.
     inputs : sequence of str
@@ -206,15 +224,16 @@ def _draw_network(
             linewidth=1.1,
             zorder=2,
         )
-        panel.text(x, 1.13, title, ha="center", va="bottom", fontsize=7.5)
+        panel.text(x, TITLE_Y, title, ha="center", va="bottom", fontsize=7.5)
     # Name the inputs on the left, and the outputs on the right.
     for (x, y), name in zip(layers.inputs, inputs, strict=True):
         symbol = SYMBOLS.get(name, name)
-        panel.text(x - 0.12, y, symbol, ha="right", va="center", fontsize=8.5)
+        panel.text(x - SYMBOL_GAP, y, symbol, ha="right", va="center", fontsize=8.5)
     for (x, y), symbol in zip(layers.outputs, symbols, strict=True):
-        panel.text(x + 0.12, y, symbol, ha="left", va="center", fontsize=8)
+        panel.text(x + SYMBOL_GAP, y, symbol, ha="left", va="center", fontsize=8)
     longest_symbol = max(map(len, symbols))
-    panel.set(xlim=(-0.6, 2.45 + 0.055 * longest_symbol), ylim=(-1.1, 1.38))
+    right = NETWORK_RIGHT + LETTER_WIDTH * longest_symbol
+    panel.set(xlim=(NETWORK_LEFT, right), ylim=NETWORK_Y_LIMITS)
     panel.axis("off")
 
 
@@ -241,19 +260,18 @@ def _draw_influence(
     influence : Influence
         Influence of the inputs on the outputs.
     inputs : sequence of str
-        Names of the parameters.
+        Names of the parameters, in the order of the columns of `influence`.
     symbols : sequence of str
-        Symbols of the responses.
+        Symbols of the responses, in the order of its rows.
     """
-    # The bars of an input lie side by side around its position. Together they fill most
-    # of the distance between two inputs.
+    # The bars are horizontal. Those of an input lie below each other around its position.
     positions = np.arange(len(inputs))
-    height = 0.8 / len(symbols)
+    bar_height = BARS_FRACTION / len(symbols)
     for k, symbol in enumerate(symbols):
-        y = positions + height * (k - 0.5 * (len(symbols) - 1))
-        percent = 100 * influence.share[k]
+        y = positions + bar_height * (k - 0.5 * (len(symbols) - 1))
+        percent = 100 * influence.fraction[k]
         colour = style.SERIES[k % len(style.SERIES)]
-        panel.barh(y, percent, height=height, color=colour, label=symbol)
+        panel.barh(y, percent, height=bar_height, color=colour, label=symbol)
         for bar_y, bar_percent, direction in zip(
             y, percent, influence.direction[k], strict=True
         ):
@@ -269,7 +287,7 @@ def _draw_influence(
     panel.set_yticks(positions, labels, fontsize=8.5)
     panel.invert_yaxis()
     panel.set(xlabel="influence on the prediction (%)")
-    panel.margins(x=0.18)
+    panel.margins(x=0.18)  # leaves space for the numbers beside the bars
     panel.legend(loc="lower right")
 
 
@@ -286,6 +304,8 @@ def compute_influence(
 ) -> Influence:
     """Compute how much, and in which direction, each input changes each output.
 
+    How much is a fraction of an output's variance over the ranges of the inputs.
+
     Parameters
     ----------
     model : Surrogate
@@ -298,7 +318,7 @@ def compute_influence(
     Returns
     -------
     Influence
-        Shares of the variance and directions.
+        The fractions and the directions.
     """
     from repose.calibrate.uncertainty.sensitivity import compute_variance_fractions
 
@@ -308,29 +328,37 @@ def compute_influence(
         return model.predict(parameters.complete(values))
 
     shape = len(model.outputs), len(model.inputs)
-    share = np.zeros(shape)
+    fraction = np.zeros(shape)
     direction = np.zeros(shape)
     settings = SensitivitySettings.model_construct(
         samples=INFLUENCE_POINTS, resamples=1, seed=seed
     )
     try:
-        shares = compute_variance_fractions(respond, parameters, settings)
+        variance_fractions = compute_variance_fractions(respond, parameters, settings)
     except ValueError:
-        # Shares are undefined if an output is constant, so leave all of them at zero.
-        return Influence(share, direction)
+        # The function raises this if an output is constant. Then the fractions are
+        # undefined, so leave all of them at zero.
+        return Influence(fraction, direction)
 
+    # Constraints make the inputs depend on each other. Sobol indices are defined only for
+    # independent inputs, so another fraction takes their place.
+    kind = "remaining" if parameters.constraints else "total"
     # Fixed inputs keep a fraction of zero.
     free_columns = [model.inputs.index(name) for name in parameters.free]
-    share[:, free_columns] = shares["remaining" if parameters.constraints else "total"]
-    rise = _compute_rise(respond, parameters, seed)
-    direction[:, free_columns] = np.sign(rise).T
-    return Influence(share, direction)
+    fraction[:, free_columns] = variance_fractions[kind]
+    # The changes have a row for each input, but the directions a row for each output.
+    changes = _compute_changes_along_parameters(respond, parameters, seed)
+    direction[:, free_columns] = np.sign(changes).T
+    return Influence(fraction, direction)
 
 
-def _compute_rise(
+def _compute_changes_along_parameters(
     respond: Callable[[np.ndarray], np.ndarray], parameters: ParameterSpace, seed: int
 ) -> np.ndarray:
-    """Compute how much the mean responses rise along each free parameter.
+    """Compute by how much the mean responses change along each free parameter.
+
+    The change is that from the smallest to the largest value of the parameter that the
+    constraints allow. The mean is over the values of the other parameters.
 
     Parameters
     ----------
@@ -345,25 +373,26 @@ def _compute_rise(
     Returns
     -------
     ndarray
-        The rise (free, outputs) from the smallest to the largest value of the parameter
-        that the constraints allow.
+        The changes (free, outputs), which are positive if a response rises.
     """
     from repose.calibrate.uncertainty.sensitivity import compute_main_effects
 
     low, high = parameters.coordinate_ends
     if not parameters.constraints:
+        # The two ends of each range are enough.
         _, means = compute_main_effects(respond, low, high=high, seed=seed, points=2)
         return means[:, 1] - means[:, 0]
 
-    # Means are NaN at values that the constraints do not allow.
+    # An end of a range may not be allowed, so use many values along it. At values that the
+    # constraints do not allow, the means are NaN.
     _, means = compute_main_effects(
         respond, low, high, seed=seed, is_allowed=parameters.is_allowed
     )
-    rises = []
+    changes = []
     for curve in means:
         allowed = curve[~np.isnan(curve).any(axis=1)]
-        rises.append(allowed[-1] - allowed[0])
-    return np.array(rises)
+        changes.append(allowed[-1] - allowed[0])
+    return np.array(changes)
 
 
 def _place_nodes(x: float, count: int) -> np.ndarray:
@@ -394,14 +423,17 @@ def _place_nodes(x: float, count: int) -> np.ndarray:
 
 
 def draw_predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw predicted against simulated responses by split, with R2 (Eq. 13) and RMSE.
+    """Draw predicted against simulated responses, with R2 (Eq. 13) and RMSE.
+
+    Colours show the split of each sample: training, validation or test.
 
     Parameters
     ----------
     inputs : mapping
         Paths by name. `predictions` contains the split and the simulated and predicted
-        responses of each sample, and `dataset` the standard errors. If `fresh` and
-        `network` are given, points outside the design are predicted, too.
+        responses of each sample, and `dataset` the standard errors. If `fresh`, a table
+        of new points that are not in the design, and `network`, the surrogate, are
+        given, the responses at these points are predicted, too.
     study : StudyView
         The study.
 
@@ -410,6 +442,7 @@ def draw_predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure
     Figure
         The figure.
     """
+    # `targets.predicted` and `targets.errors` are names of columns.
     targets = study.targets
     table = read_table(
         inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted)
@@ -422,7 +455,9 @@ def draw_predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure
         table = pd.concat([table, _predict_new_points(inputs, targets)])
 
     width = 0.5 * style.PAGE * min(len(targets), 2)
-    figure, axes = panels.grid(len(targets), 3.9, width=width, extra_height=0.4)
+    figure, axes = panels.grid(
+        len(targets), ACCURACY_ROW_HEIGHT, width=width, extra_height=0.4
+    )
     draw_accuracy(axes, table, targets.responses)
     style.write_below(figure, ACCURACY_NOTE)
     return figure
@@ -454,13 +489,13 @@ def draw_accuracy(
 
 
 def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
-    """Predict the responses at points outside the design.
+    """Predict the responses at new points, which are not in the design.
 
     Parameters
     ----------
     inputs : mapping
-        Paths of the final surrogate, as `network`, and of the simulated points, as
-        `fresh`.
+        Paths of the final surrogate, as `network`, and of the table of new points, as
+        `fresh`. A point is a parameter set with the means of its runs.
     targets : Targets
         The targets of the study.
 
@@ -470,12 +505,13 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
         The points with their simulated means and predictions. Their split is "new
         points".
     """
-    path = inputs["network"]
-    model = load(path)
+    model = load(inputs["network"])
     points = read_table(
         inputs["fresh"], ("status", *model.inputs, *targets.names, *targets.errors)
     )
+    # `assign` makes a copy, to which columns can be added safely.
     points = points[points["status"] == "ok"].assign(split="new points")
+    # Inputs and predictions must be in the order of the model's inputs and outputs.
     predicted_columns = [
         name_derived_column(name, "predicted") for name in model.outputs
     ]
@@ -487,22 +523,27 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
 def _draw_splits(panel: Axes, table: pd.DataFrame, plotted_response: Response) -> None:
     """Draw predicted against simulated values of one response, and write the accuracy.
 
+    The samples of each split have their own colour and marker.
+
     Parameters
     ----------
     panel : Axes
         The panel to draw in.
     table : DataFrame
-        The samples, as for `draw_accuracy`.
+        A row for each sample: `split`, and the simulated value of the response, its
+        prediction and its standard error.
     plotted_response : Response
-        The response.
+        The response. Its attributes `name`, `predicted` and `standard_error` are names
+        of columns.
     """
+    # Draw the diagonal, on which perfect predictions lie, from corner to corner.
     values = table[[plotted_response.name, plotted_response.predicted]].to_numpy()
     margin = 0.06 * (values.max() - values.min())
     ends = np.array([values.min() - margin, values.max() + margin])
     panel.plot(ends, ends, color=style.GREY, lw=0.9, zorder=1)
 
     # The accuracy is written only for samples that the model has not seen.
-    lines = []
+    accuracy_lines = []
     for split, colour, marker in SPLITS:
         rows = table[table["split"] == split]
         if rows.empty:
@@ -523,20 +564,23 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, plotted_response: Response) -
             label=f"{split} ({len(rows)})",
         )
         if is_unseen:
-            lines += _describe_accuracy(table, split, plotted_response)
+            accuracy_lines += _describe_accuracy(table, split, plotted_response)
     panel.set(xlim=ends, ylim=ends, aspect="equal")
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(MaxNLocator(6))
     # Write the accuracy above the panel, where no point lies.
-    panel.set_title("\n".join(lines), loc="right", fontsize=style.SMALL_TEXT_PT)
+    panel.set_title(
+        "\n".join(accuracy_lines), loc="right", fontsize=style.SMALL_TEXT_PT
+    )
 
 
 def _describe_accuracy(
     table: pd.DataFrame, split: str, plotted_response: Response
 ) -> list[str]:
-    """Describe the accuracy of the surrogate, and of a perfect model, on a split.
+    """Describe the accuracy of the surrogate, and that of a perfect model, on a split.
 
-    The errors of a perfect model would be the noise of the simulated means.
+    A perfect model would predict the true means. Its predictions would still deviate
+    from the simulated means, by the standard errors of these means.
 
     Parameters
     ----------
@@ -559,17 +603,18 @@ def _describe_accuracy(
     unit = plotted_response.unit
     surrogate_accuracy = _format_accuracy(simulated, predicted - simulated, unit)
 
-    # There are too few test samples to estimate the noise, so use the whole design, to
-    # which new points do not belong.
-    rows_for_noise = rows
+    # Estimate the standard error by its root mean square over the split. A design has few
+    # test samples, so for them take all samples of the design. New points are not part
+    # of the design.
+    rows_with_errors = rows
     if split == "test":
-        rows_for_noise = table[table["split"] != "new points"]
-    errors = rows_for_noise[plotted_response.standard_error].to_numpy(float)
-    noise = np.full(len(rows), np.sqrt(np.mean(errors**2)))
-    perfect_accuracy = _format_accuracy(simulated, noise, unit)
+        rows_with_errors = table[table["split"] != "new points"]
+    errors = rows_with_errors[plotted_response.standard_error].to_numpy(float)
+    perfect_deviation = np.full(len(rows), np.sqrt(np.mean(errors**2)))
+    perfect_accuracy = _format_accuracy(simulated, perfect_deviation, unit)
     return [
         f"{split}, {len(rows)} sets: {surrogate_accuracy}",
-        f"a perfect model on them: {perfect_accuracy}",
+        f"a perfect model on these sets: {perfect_accuracy}",
     ]
 
 

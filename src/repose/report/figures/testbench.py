@@ -96,9 +96,9 @@ def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     style.draw_scale_bar(
         panel,
         look_at(frame_m, **view),
-        place_m=foot_of_axis_m,
+        point_m=foot_of_axis_m,
         extent_m=np.ptp(centres_of_pile[:, 0]),
-        words_after=" at the pile's axis",
+        suffix=" at the pile's axis",
     )
     return figure
 
