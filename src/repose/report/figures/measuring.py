@@ -1,4 +1,8 @@
-"""Draw all definitions of the angle of repose on the same pile."""
+"""Draw the angle of repose of one pile by all of its definitions.
+
+The angle is the slope of a line through a side of the pile. Each definition draws this
+line through other points of the side.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -33,17 +37,23 @@ BACKGROUND_GREY = 255
 MIDDLE_GREY = 128
 # Smallest distance between two labels of levels, as a fraction of the pile's height.
 LABEL_DISTANCE_FRACTION = 0.11
+FIGURE_HEIGHT = 4.9  # inches
+HEIGHT_RATIOS = (1.5, 1)  # of the view, and of the angles in all views
+ROOM_ABOVE_FACTOR = 1.08  # upper end of the view, as a multiple of the pile's height
+USED_LINE_WIDTH = 3.0  # of the definition that is used for the response
+LINE_WIDTH = 1.5
 HALF_BAR = 0.32  # half the length of the bar at a mean, in distances between rows
 
 
 def draw_definitions(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw every definition on one view of a pile, and its values in all views.
+    """Draw the lines of every definition on one view of a pile, and the angles in all views.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `heap` contains the pours of a job, of which the first is drawn,
-        and `particle` the shape of the grains. `berry` describes the mean grain.
+        Paths by name. `heap` contains simulated piles, of which the first is drawn.
+        `particle` contains the shape of the grains, and `berry` the sizes of the mean
+        grain.
     study : StudyView
         The study.
 
@@ -57,9 +67,16 @@ def draw_definitions(inputs: Inputs, study: StudyView) -> Figure:
     particle = Particle.load(inputs["particle"])
     image = draw_side_view(pour, particle, settings)
     first_view = _measure_view(image, settings)
-    figure = style.new_figure(style.PAGE, 4.9)
-    above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))
+    figure = style.new_figure(style.PAGE, FIGURE_HEIGHT)
+    above, below = figure.subplots(2, 1, height_ratios=HEIGHT_RATIOS)
     _draw_first_view(above, image, measured=first_view, settings=settings)
+    figure.legend(
+        *above.get_legend_handles_labels(),
+        loc="outside lower left",
+        title="lines in view a: mean of both sides (left, right)",
+        title_fontsize=style.SMALL_TEXT_PT,
+        alignment="left",
+    )
     above.set_title(f"a  one view of one pile, seed {read_first_seed(inputs['heap'])}")
     all_views = pile.measure_pile(Grains.of(pour, particle), settings, pour["in_pile"])
     _draw_all_views(below, all_views, first_view)
@@ -81,9 +98,10 @@ def _draw_first_view(
     measured: pile.Measurement,
     settings: MeasureSettings,
 ) -> None:
-    """Draw a silhouette with both lines of each definition.
+    """Draw the silhouette of a pile, with a line on its left and right side by definition.
 
-    Lengths in the panel are in mm, and distances are measured from the crest.
+    Lengths in the panel are in mm, and distances are measured from the crest. The panel
+    also gets the labels for a legend.
 
     Parameters
     ----------
@@ -100,7 +118,7 @@ def _draw_first_view(
     # centre of a pixel, so the picture begins half a pixel to the left of column 0.
     scale = settings.mm_per_pixel
     height, width = image.shape
-    crest_column = measured.top[0]
+    crest_column, _ = measured.top
     greys = np.where(image < MIDDLE_GREY, PILE_GREY, BACKGROUND_GREY).astype(np.uint8)
     left = (-0.5 - crest_column) * scale
     right = (width - 0.5 - crest_column) * scale
@@ -117,22 +135,15 @@ def _draw_first_view(
     panel.set(
         xlabel="distance from the crest (mm)",
         ylabel="height (mm)",
-        ylim=(0, 1.08 * measured.height_mm),
+        ylim=(0, ROOM_ABOVE_FACTOR * measured.height_mm),
         aspect="equal",
-    )
-    panel.figure.legend(
-        *panel.get_legend_handles_labels(),
-        loc="outside lower left",
-        title="lines in view a: mean of both sides (left, right)",
-        title_fontsize=style.SMALL_TEXT_PT,
-        alignment="left",
     )
 
 
 def _draw_definition(
     panel: Axes, measured: pile.Measurement, name: str, settings: MeasureSettings
 ) -> None:
-    """Draw both lines of a definition, with a single entry in the legend.
+    """Draw both lines of one definition of the angle, with one label for the legend.
 
     Parameters
     ----------
@@ -141,19 +152,18 @@ def _draw_definition(
     measured : pile.Measurement
         The measurement of the silhouette.
     name : str
-        Name of the definition. The one used for the response gets thicker lines.
+        Name of the definition. The one that `settings.response` chooses for the
+        calibrated response gets thicker lines.
     settings : MeasureSettings
         Scale of the picture, and settings of the lines.
     """
     scale = settings.mm_per_pixel
-    crest_column = measured.top[0]
+    crest_column, _ = measured.top
     angle = measured.angles[name]
-    text = style.describe_line(settings, name)
-    width = 1.5
-    if name == settings.response:
-        text += ", used"
-        width = 3.0
+    is_used = name == settings.response
+    width = USED_LINE_WIDTH if is_used else LINE_WIDTH
     line_style = {"color": COLOURS[name], "ls": LINE_STYLES[name], "lw": width}
+    # Each line is given by points (column, row) of the picture. Convert them to mm.
     for line in angle.lines:
         column, row = np.array(line).T
         x = (column - crest_column) * scale
@@ -161,7 +171,11 @@ def _draw_definition(
         panel.plot(x, z, **line_style)
     # Add an empty line, so that both lines have a single entry in the legend.
     sides = f"{angle.left_deg:.1f}°, {angle.right_deg:.1f}°"
-    label = f"{angle.aor_deg:.1f}° ({sides})  {name}: {text}"
+    label = (
+        f"{angle.aor_deg:.1f}° ({sides})  {name}: {style.describe_line(settings, name)}"
+    )
+    if is_used:
+        label += ", used"
     panel.plot([], [], label=label, **line_style)
 
 
@@ -177,10 +191,13 @@ def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> No
     settings : MeasureSettings
         Settings of the lines.
     """
+    # `for_grain` has set the height of a grain, so the fallback 0 only satisfies the type.
     levels = [(settings.berry_height_mm or 0.0, "one grain")]
-    for share in (settings.fit_from, settings.fit_to):
-        if not isinstance(share, str):
-            levels.append((share * height_mm, f"{100 * share:.0f} % of the height"))
+    for fraction in (settings.fit_from, settings.fit_to):
+        # The text "berry" stands for the height of one grain, which is already listed.
+        if not isinstance(fraction, str):
+            label = f"{100 * fraction:.0f} % of the height"
+            levels.append((fraction * height_mm, label))
     left, right = panel.get_xlim()
     text_height = 0.0
     for level, name in sorted(levels):
@@ -190,13 +207,16 @@ def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> No
         panel.text(
             right, text_height, f" {name}", va="center", fontsize=style.SMALL_TEXT_PT
         )
+    # The lines must not widen the panel, because the labels begin at its right edge.
     panel.set_xlim(left, right)
 
 
 def _draw_all_views(
     panel: Axes, all_views: pile.PileResult, first_view: pile.Measurement
 ) -> None:
-    """Draw each definition in every view, its mean, and a ring around the first view.
+    """Draw the angle by each definition in every view, with the mean of the views.
+
+    A ring marks the angle in the first view, which the other panel shows as view a.
 
     Parameters
     ----------
@@ -226,7 +246,7 @@ def _draw_all_views(
             bar = [row - HALF_BAR, row + HALF_BAR]
             panel.plot([mean, mean], bar, color=colour, lw=1.6)
             panel.text(
-                1.0,
+                1.0,  # the right edge of the panel
                 row,
                 f"mean {mean:.1f}°",
                 transform=panel.get_yaxis_transform(),

@@ -61,13 +61,14 @@ class Flank(NamedTuple):
 
 
 def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the outlines of a simulated pile over the measured height and slope.
+    """Draw the outline of a simulated pile with the measured height and slope.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `heap` contains the pours of a job, of which the first is drawn,
-        and `particle` the shape of the grains. `berry` describes the mean grain.
+        Paths by name. `heap` contains simulated piles, of which the first is drawn.
+        `particle` contains the shape of the grains, and `berry` the sizes of the mean
+        grain.
     study : StudyView
         The study.
 
@@ -86,21 +87,17 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     outlines = [_center_outline(profile, settings) for profile, _ in profiles]
     mean_outline = _average_outlines(outlines)
 
-    # Draw the simulated pile, and the measured values over it.
+    # Draw the simulated pile, and the measured values on top of it.
     figure = style.new_figure(style.PAGE, 2.8)
     panel = figure.subplots()
     _draw_outlines(panel, outlines, mean_outline)
     _draw_simulated_height(panel, outlines, mean_outline)
     _draw_measured_height(panel, study.targets, mean_outline)
-    angle_targets = [
-        target
-        for target in study.targets
-        if "measure.response" in target.response.definition
-    ]
-    if angle_targets:
-        angle_target = angle_targets[0]
+    angle_target = _find_angle_target(study.targets)
+    if angle_target is not None:
         flank = _find_flank(mean_outline, settings)
         _draw_measured_slope(panel, angle_target, flank)
+        # The angle of repose of the simulated pile, averaged over its views
         _draw_simulated_slope(panel, angle_target, flank, measured.aor_deg)
     panel.set(
         xlabel="distance from the middle of the pile (mm)",
@@ -112,6 +109,18 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
         *panel.get_legend_handles_labels(), loc="outside lower center", ncols=2
     )
     return figure
+
+
+def _find_angle_target(targets: Targets) -> Target | None:
+    """Find the first target that is the angle of repose; None if there is none.
+
+    The definition of a response lists the settings on which it depends. Only the angle
+    of repose depends on `measure.response`, which chooses the line of the angle.
+    """
+    for target in targets:
+        if "measure.response" in target.response.definition:
+            return target
+    return None
 
 
 def _center_outline(profile: np.ndarray, settings: MeasureSettings) -> Outline:
@@ -241,7 +250,7 @@ def _draw_measured_slope(panel: Axes, target: Target, flank: Flank) -> None:
         target.value,
         label=(
             f"measured slope, {target.response.symbol} {_format_mean_and_sd(target)}; "
-            "its place is not measured"
+            "its position is not measured"
         ),
         color=style.RED,
         ls=(0, (5, 2)),

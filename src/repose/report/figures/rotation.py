@@ -20,9 +20,17 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 if TYPE_CHECKING:
+    from repose.report.renderer.backdrop import DrumInside
     from repose.report.renderer.scenery import Camera
 
 PICTURE_PIXELS = 620  # side of a picture at the default resolution
+TEXT_HEIGHT = 0.8  # inches, added to the height of the pictures
+TEXT_PT = 7.5  # size of the text below the pictures
+# Lower end of the y axis in degrees: at least this far below 0, and at least this far
+# below the lowest angle. Its upper end is a multiple of the highest angle.
+MIN_BELOW_ZERO_DEG = 3.0
+ROOM_BELOW_DEG = 2
+ROOM_ABOVE_FACTOR = 1.05
 SLIP_COLUMNS = ("seed", "before_turned_deg", "before_time_s")
 ARTICLE_RUN_S = 10.0  # time of the article's run, from the start of the filling
 # States in the file, and how titles describe them.
@@ -35,15 +43,19 @@ STATE_TITLES = {
 
 
 def draw_states(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw views along the axis of the drum, with the line of the surface.
+    """Draw views along the axis of the drum, before and after the bed first slips.
+
+    A line in each view shows the surface of the bed. If the bed never slips, the views
+    show it before the rotation and at the reported time (`report_s` of the section
+    `drum`).
 
     Parameters
     ----------
     inputs : mapping
         Paths by name. `states` contains the arrays position_STATE (N, 3),
-        quaternion_STATE (N, 4) and turned_STATE_deg of each state. In a run without a
-        slip, there are no states `before` and `after`. `particle` contains the shape of
-        the grains. `runs` has a row for each run, and may be missing.
+        quaternion_STATE (N, 4) and turned_STATE_deg of each state of one run. In a run
+        without a slip, there are no states `before` and `after`. `particle` contains
+        the shape of the grains. `runs` has a row for each run, and may be missing.
     study : StudyView
         The study.
 
@@ -52,42 +64,52 @@ def draw_states(inputs: Inputs, study: StudyView) -> Figure:
     Figure
         The figure.
     """
+    from repose.report.renderer.film import make_drum_inside  # slow to import
+
+    settings = study.section(DRUM, DrumSettings)
     arrays = read_npz(
         inputs["states"], ("position_start", "quaternion_start"), "the states of a drum"
     )
     particle = Particle.load(inputs["particle"])
-    # If there was no slip, show the state at the reported time instead.
     has_slipped = "position_before" in arrays
     shown_states = ("start", "before", "after") if has_slipped else ("start", "report")
 
-    figure = style.new_figure(style.PAGE, style.PAGE / len(shown_states) + 0.8)
-    figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)
+    # The pictures are squares side by side.
+    picture_side = style.PAGE / len(shown_states)
+    figure = style.new_figure(style.PAGE, picture_side + TEXT_HEIGHT)
+    figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)  # inches
     axes = figure.subplots(1, len(shown_states))
     for k, (panel, state) in enumerate(zip(axes, shown_states, strict=True)):
-        angle_deg = _draw_and_measure_state(
-            panel, arrays, state=state, particle=particle, study=study
-        )
+        grains = _select_grains(arrays, state, particle)
         turned_deg = float(arrays[f"turned_{state}_deg"])
+        inside = make_drum_inside(settings, np.radians(turned_deg))
+        camera = _draw_state(panel, grains, particle, inside=inside, study=study)
+        surface = _measure_surface(grains, inside.radius_m, study)
+        _draw_surface(panel, surface.line_m, camera)
         letter = style.panel_letter(k)
-        panel.set_title(f"{letter}  {STATE_TITLES[state]}: surface {angle_deg:.1f}°")
+        panel.set_title(
+            f"{letter}  {STATE_TITLES[state]}: surface {surface.angle_deg:.1f}°"
+        )
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
     if has_slipped:
-        runs = pd.DataFrame()
+        runs = pd.DataFrame()  # empty if the table is missing
         if "runs" in inputs:
             runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
-        settings = study.section(DRUM, DrumSettings)
         text = _describe_slip(float(arrays["turned_before_deg"]), runs, settings)
-        text += _describe_article(arrays, settings)
-        figure.supxlabel(text, fontsize=7.5)
+        text += _describe_end_of_article_run(arrays, settings)
+        figure.supxlabel(text, fontsize=TEXT_PT)
     else:
-        figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
+        figure.supxlabel("NO SLIP in this run", fontsize=TEXT_PT, color=style.RED)
     return figure
 
 
-def _describe_article(arrays: Mapping[str, np.ndarray], settings: DrumSettings) -> str:
-    """Describe the end of the article's run in a further line.
+def _describe_end_of_article_run(
+    arrays: Mapping[str, np.ndarray], settings: DrumSettings
+) -> str:
+    """Describe in a further line how far the drum has turned when the article's run ends.
 
-    The result is empty if the reported time is not the end of this run.
+    The angle is known only if the reported time is the end of this run. Otherwise the
+    text is empty.
     """
     if settings.report_s != ARTICLE_RUN_S or "turned_report_deg" not in arrays:
         return ""
@@ -103,10 +125,10 @@ def _describe_slip(
     Parameters
     ----------
     turned_deg : float
-        Angle by which the drum had turned in this run.
+        Angle by which the drum had turned before the slip in the run that is shown.
     runs : DataFrame
-        A row for each run. If several runs slipped, their mean is added. The table may
-        be empty.
+        A row for each run, or an empty table. If the beds of at least two runs slipped,
+        the means of these runs are added.
     settings : DrumSettings
         The section `drum`.
 
@@ -122,11 +144,14 @@ def _describe_slip(
     )
     if runs.empty:
         return slip
+    # A run is ok if its bed slipped.
     slipped = runs[runs["status"] == "ok"]
     if len(slipped) < 2:
         return slip
-    # The states shown are those of the median run, which is numbered by its row.
-    number = runs["seed"].tolist().index(choose_median_run(runs)) + 1
+    # The run that is shown is that with the median angle, as `choose_median_run` finds it
+    # by its seed. Runs are numbered by their rows, from 1.
+    shown_seed = choose_median_run(runs)
+    number = runs["seed"].tolist().index(shown_seed) + 1
     angle = _format_mean_and_error(slipped["before_turned_deg"])
     time = _format_mean_and_error(slipped["before_time_s"])
     return (
@@ -140,49 +165,65 @@ def _format_mean_and_error(values: pd.Series) -> str:
     return f"{values.mean():.1f} ± {values.sem():.1f}"
 
 
-def _draw_and_measure_state(
-    panel: Axes,
-    arrays: Mapping[str, np.ndarray],
-    state: str,
-    particle: Particle,
-    study: StudyView,
-) -> float:
-    """Draw one state of the drum, and measure the angle of its surface.
+def _select_grains(
+    arrays: Mapping[str, np.ndarray], state: str, particle: Particle
+) -> Grains:
+    """Select the positions and orientations of the grains in one state of the drum.
 
-    The line that is fitted to the surface is drawn into the picture.
+    Parameters
+    ----------
+    arrays : mapping
+        Arrays of the states by name, as for `draw_states`. If there is no array `scale`,
+        all grains have the size of `particle`.
+    state : str
+        The state, one of `STATE_TITLES`.
+    particle : Particle
+        The shape of the grains.
+
+    Returns
+    -------
+    Grains
+        The grains.
+    """
+    centres = arrays[f"position_{state}"].astype(float)
+    quaternions = arrays[f"quaternion_{state}"].astype(float)
+    scales = arrays.get("scale", np.ones(len(centres)))
+    return Grains(centres, quaternions, particle=particle, scales=scales)
+
+
+def _draw_state(
+    panel: Axes,
+    grains: Grains,
+    particle: Particle,
+    inside: "DrumInside",
+    study: StudyView,
+) -> "Camera":
+    """Draw a shaded picture of the drum along its axis, with a scale bar.
 
     Parameters
     ----------
     panel : Axes
         The panel to draw in.
-    arrays : mapping
-        Arrays of the states by name, as for `draw_states`.
-    state : str
-        The state, one of `STATE_TITLES`.
+    grains : Grains
+        The grains in the drum.
     particle : Particle
         The shape of the grains.
+    inside : DrumInside
+        The drum. Marks on its rim show by which angle it has turned.
     study : StudyView
         The study.
 
     Returns
     -------
-    float
-        Angle of the line in degrees.
+    Camera
+        The camera of the picture, with which more can be drawn into it.
     """
-    # These imports are slow, and `draw_course` does not need them.
-    from repose.report.renderer.film import make_drum_inside
+    # These imports are slow, and the other figure does not need them.
     from repose.report.renderer.render import render_pile
     from repose.report.renderer.scenery import look_at
 
-    settings = study.section(DRUM, DrumSettings)
-    centres = arrays[f"position_{state}"].astype(float)
-    quaternions = arrays[f"quaternion_{state}"].astype(float)
-    scales = arrays.get("scale", np.ones(len(centres)))
-    grains = Grains(centres, quaternions, particle=particle, scales=scales)
-    turned_rad = np.radians(float(arrays[f"turned_{state}_deg"]))
-    inside = make_drum_inside(settings, turned_rad)
-
-    # The camera looks along the axis of the drum.
+    # The camera looks along the axis of the drum. Picture and camera must have the same
+    # view, so that lines drawn with the camera fit the picture.
     pixels = style.scale_picture_pixels(study, PICTURE_PIXELS)
     view: dict[str, Any] = {
         "elevation_deg": 0.0,
@@ -193,34 +234,39 @@ def _draw_and_measure_state(
     }
     frame_m = inside.compute_outline_points()
     picture = render_pile(
-        centres,
-        quaternions,
+        grains.centres_m,
+        grains.quaternions,
         particle,
-        scales=scales,
+        scales=grains.scales,
         colour=study.settings.colour,
         frame_m=frame_m,
         backdrop=inside,
         **view,
     )
     panel.imshow(picture)
+    panel.set(xticks=[], yticks=[])
+    panel.spines[:].set_visible(False)
     camera = look_at(frame_m, **view)
     style.draw_scale_bar(
         panel, camera, point_m=np.zeros(3), extent_m=2 * inside.radius_m
     )
+    return camera
 
-    # Measure the surface in the silhouette of the bed.
+
+def _measure_surface(grains: Grains, radius_m: float, study: StudyView) -> bed.Surface:
+    """Measure the line of the bed's surface in the silhouette of the grains.
+
+    `radius_m` is the inner radius of the drum.
+    """
+    settings = study.section(DRUM, DrumSettings)
     mm_per_pixel = study.settings.measure.mm_per_pixel
-    silhouette = bed.side_view(grains, inside.radius_m, mm_per_pixel)
-    surface = bed.surface_of(
+    silhouette = bed.side_view(grains, radius_m, mm_per_pixel)
+    return bed.surface_of(
         silhouette,
-        inside.radius_m,
+        radius_m,
         mm_per_pixel=mm_per_pixel,
         fit_fraction=settings.fit_share,
     )
-    _draw_surface(panel, surface.line_m, camera)
-    panel.set(xticks=[], yticks=[])
-    panel.spines[:].set_visible(False)
-    return surface.angle_deg
 
 
 def _draw_surface(panel: Axes, line_m: np.ndarray, camera: "Camera") -> None:
@@ -244,14 +290,18 @@ def _draw_surface(panel: Axes, line_m: np.ndarray, camera: "Camera") -> None:
 
 
 def draw_course(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the angles of every run over time, and the motion of the layers by depth.
+    """Draw how the bed turns and slips in every run: its angles, and its layers.
+
+    One panel shows the angles of the bed over time. The other one shows how far the
+    layers of grains move during the slip, by their depth.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `record` contains the angles of the surface and of the centre of
-        mass at each time, and `profile` the motion during the slip at each depth.
-        `runs` has a row for each run.
+        Paths by name. `record` contains two angles at each time of each run: that of
+        the surface as `surface_deg`, and that of the bed's centre of mass as `bed_deg`.
+        `profile` contains the displacement at each depth as `moved_mm`. `runs` has a
+        row for each run.
     study : StudyView
         The study.
 
@@ -287,9 +337,11 @@ def _draw_angles(
         The section `drum`.
     """
     _draw_angles_of_runs(panel, record, runs)
+    # A run is ok if its bed slipped.
     slipped = runs[runs["status"] == "ok"]
     if len(slipped):
         _mark_first_slips(panel, slipped, settings)
+    # Draw the angle of a bed that turns with the drum like a rigid body.
     last_s = record["time_s"].max()
     turned_deg = np.degrees(settings.angular_velocity_rad_s) * last_s
     panel.plot(
@@ -298,13 +350,14 @@ def _draw_angles(
         color=style.GREY,
         lw=0.7,
         ls="--",
-        label="carried like a solid",
+        label="if the bed turned with the drum",
     )
     if "report_time_s" in runs:
         _mark_reported_time(panel, runs["report_time_s"].median(), settings)
     # Leave room below the lowest angle and above the highest one.
-    lowest = min(-3.0, record["bed_deg"].min() - 2)
-    highest = 1.05 * max(record["surface_deg"].max(), record["bed_deg"].max())
+    lowest = min(-MIN_BELOW_ZERO_DEG, record["bed_deg"].min() - ROOM_BELOW_DEG)
+    highest_angle = max(record["surface_deg"].max(), record["bed_deg"].max())
+    highest = ROOM_ABOVE_FACTOR * highest_angle
     panel.set(
         xlim=(0, last_s),
         ylim=(lowest, highest),
@@ -314,6 +367,7 @@ def _draw_angles(
     panel.figure.legend(
         *panel.get_legend_handles_labels(), loc="outside upper left", ncols=3
     )
+    # Convert rad/s to turns per minute: 60 s over 2 pi.
     turns_per_minute = 30 / np.pi * settings.angular_velocity_rad_s
     style.write_note(
         panel,
@@ -354,13 +408,23 @@ def _mark_first_slips(
 def _draw_angles_of_runs(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame) -> None:
     """Draw the angles of surface and centre of mass of each run, up to its slip.
 
-    `record` has a row for each time of each run, and `runs` a row for each run.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    record : DataFrame
+        A row for each time of each run, with both angles.
+    runs : DataFrame
+        A row for each run. If its bed slipped, the status is ok, and `after_time_s` is
+        the time of the end of the slip.
     """
     for k, (seed, rows) in enumerate(record.groupby("seed")):
         run = runs[runs["seed"] == seed].iloc[0]
+        # A run without a slip is drawn to its end.
         if run["status"] == "ok":
             rows = rows[rows["time_s"] <= run["after_time_s"]]
-        # Only the first run adds its labels to the legend.
+        # Matplotlib leaves labels with an underscore out of the legend, so only the first
+        # run adds its labels.
         label_prefix = "" if k == 0 else "_"
         panel.plot(
             rows["time_s"],
@@ -387,10 +451,12 @@ def _draw_layers(panel: Axes, profile: pd.DataFrame) -> None:
     panel : Axes
         The panel to draw in.
     profile : DataFrame
-        A row for each layer of each run; empty if no run slipped.
+        A row for each layer of each run, with its depth and the distance that it moved
+        relative to the drum; empty if no run slipped.
     """
     panel.set(
-        xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)"
+        xlabel="displacement relative to the drum (mm)",
+        ylabel="depth below the surface (mm)",
     )
     panel.invert_yaxis()
     if not len(profile):
@@ -402,6 +468,7 @@ def _draw_layers(panel: Axes, profile: pd.DataFrame) -> None:
             rows["depth_mm"],
             color=style.SKY,
             lw=0.7,
+            # Labels with an underscore do not appear in the legend.
             label="single run" if k == 0 else "_single run",
         )
     # Draw the mean over the runs at each depth.

@@ -48,8 +48,8 @@ def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `heap` contains the pours of a job, of which the first is drawn,
-        and `particle` the shape of the grains.
+        Paths by name. `heap` contains simulated piles, of which the first is drawn, and
+        `particle` the shape of the grains.
     study : StudyView
         The study.
 
@@ -109,8 +109,9 @@ def draw_measurement_steps(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `heap` contains the pours of a job, of which the first is drawn,
-        and `particle` the shape of the grains. `berry` describes the mean grain.
+        Paths by name. `heap` contains simulated piles, of which the first is drawn.
+        `particle` contains the shape of the grains, and `berry` the sizes of the mean
+        grain.
     study : StudyView
         The study.
 
