@@ -96,7 +96,7 @@ def copied_text(text):
 def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_be_met(
     answer, tmp_path
 ):
-    assert list(own.list_parts(answer)) == ["plane", "history", "intervals", "corner"]
+    assert list(own.list_figures(answer)) == ["plane", "history", "intervals", "corner"]
     page_own.write(answer, tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert text.count('src="data:image/png;base64,') == 4
@@ -117,9 +117,9 @@ def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_b
 def test_one_parameter_and_one_target_have_no_planes(tmp_path):
     answer = calibrated({"a": (0.0, 1.0)}, {"z": (0.5, 0.05)})
     drawn = own.plot(answer)
-    assert set(own.list_parts(answer)) <= {"history", "intervals"}
+    assert set(own.list_figures(answer)) <= {"history", "intervals"}
     (label,) = [tick.get_text() for tick in drawn.axes[-1].get_yticklabels()]
     assert label == "a"
     answer = answer._replace(runs=answer.runs.copy())
     answer.runs.attrs.clear()  # a table of the user's own knows no batches
-    assert list(own.list_parts(answer)) == ["intervals"]
+    assert list(own.list_figures(answer)) == ["intervals"]

@@ -22,16 +22,17 @@ def draw(
     Parameters
     ----------
     name : str
-        Name of the figure in `known`.
+        Name of the figure, a key of `known`.
     inputs : mapping
         Paths by name of the files that the figure shows.
     out_path : path
-        File of the figure, which ends in .png, .pdf or .svg. Beside a PNG, the figure
-        is also written in the other formats of the section `figures`.
+        File of the figure, which ends in .png, .pdf or .svg. If it is a PNG, files in
+        the other formats of the section `figures` are written beside it.
     config : mapping
-        The configuration of the study, or the sections that the figure reads.
+        The configuration of the study, or the sections that the figure reads. If its
+        key `small_run` is true, the figure says that the run is only a trial.
     known : dict, optional
-        Figures by name.
+        The figures that can be drawn, by name.
 
     Raises
     ------
@@ -47,15 +48,16 @@ def draw(
     style.check_ending(out_path)
     if name not in known:
         raise InputError("figures", key="name", value=name, allowed=", ".join(known))
-    figure_type = known[name]
-    _check_inputs(name, figure_type, inputs)
+    figure_entry = known[name]
+    _check_inputs(name, figure_entry, inputs)
 
     settings = FiguresSettings.model_validate(config.get("figures", {}))
     other_formats = []
     if out_path.suffix == ".png":
-        other_formats = [kind for kind in settings.format if kind != "png"]
+        other_formats = [ending for ending in settings.format if ending != "png"]
     with style.applied():
-        figure = figure_type.draw(inputs, config)
+        figure = figure_entry.draw(inputs, config)
+        # This reads all texts of the figure, so it must come last.
         style.explain_symbols(figure, config)
         style.save(
             figure,
@@ -66,32 +68,30 @@ def draw(
         )
 
 
-def _check_inputs(name: str, figure_type: Drawn, inputs: Inputs) -> None:
+def _check_inputs(name: str, figure_entry: Drawn, inputs: Inputs) -> None:
     """Raise InputError if an input is missing, unknown or not a file.
 
     Parameters
     ----------
     name : str
         Name of the figure, for messages.
-    figure_type : Drawn
+    figure_entry : Drawn
         Entry of the figure in the list of figures.
     inputs : mapping
         Paths by name.
     """
-    needed_keys = tuple(figure_type.inputs)
-    allowed_keys = tuple(figure_type.all_inputs)
     source = f"figure {name}"
-    for key in [*needed_keys, *inputs]:
-        is_missing = key not in inputs
-        is_unknown = key not in allowed_keys
-        if is_missing or is_unknown:
-            raise InputError(
-                source,
-                key="inputs",
-                value=key,
-                allowed=f"needs {needed_keys}, may have {allowed_keys}",
-            )
-        path = inputs[key]
+    known_keys = list(figure_entry.all_inputs)
+    optional_keys = [key for key in known_keys if key not in figure_entry.inputs]
+    missing_keys = [key for key in figure_entry.inputs if key not in inputs]
+    unknown_keys = [key for key in inputs if key not in known_keys]
+    wrong_keys = [*missing_keys, *unknown_keys]
+    if wrong_keys:
+        allowed = f"all of: {', '.join(figure_entry.inputs) or 'none'}"
+        if optional_keys:
+            allowed += f"; and any of: {', '.join(optional_keys)}"
+        raise InputError(source, key="inputs", value=wrong_keys[0], allowed=allowed)
+    for key, path in inputs.items():
         if not Path(path).is_file():
             raise InputError(
                 source, key=key, value=str(path), allowed="an existing file"

@@ -15,8 +15,8 @@ from repose.grain.particle import KINDS, Body, Particle
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Smallest standard deviation of the drawn curve, as a fraction of the mean.
-SMALLEST_SD_FRACTION = 1e-3
+# Minimum standard deviation of the drawn curve, as a fraction of the mean
+MIN_RELATIVE_SD = 1e-3
 # Half the width of a drawn normal curve, in standard deviations.
 CURVE_HALF_WIDTH_SDS = 3.2
 PICTURE_PIXELS = 400  # width of the picture of a grain at the default resolution
@@ -25,6 +25,7 @@ PICTURE_PIXELS = 400  # width of the picture of a grain at the default resolutio
 DESCRIPTION_Y = -0.04
 DESCRIPTION_FONT_SIZE = 6.5
 N_BINS = 9  # of a histogram
+HISTOGRAM_HEIGHT = 2.1  # inches, of a panel with its labels
 # Height of a histogram's panel, as a multiple of the highest bar. It leaves room for
 # the numbers above the bars.
 PANEL_HEIGHT_FACTOR = 1.35
@@ -58,13 +59,17 @@ def draw_sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
         The figure.
     """
     sizes = berry.read_sizes(inputs["sizes"])
-    # Draw three panels for the axes, and one for the sphericity.
-    figure, histogram_panels = panels.grid(4, 2.1, columns=4, sharey=True)
+    # Draw a panel for each axis of the grains, and one for the sphericity.
+    n_panels = len(GRAIN_AXES) + 1
+    figure, histogram_panels = panels.grid(
+        n_panels, HISTOGRAM_HEIGHT, columns=n_panels, sharey=True
+    )
     *axis_panels, sphericity_panel = histogram_panels
-    for panel, (column, label, colour) in zip(axis_panels, GRAIN_AXES, strict=True):
-        lengths = sizes[column].to_numpy()
-        _draw_histogram(panel, lengths, label=f"{label} (mm)", colour=colour, unit="mm")
     axis_lengths = [sizes[column].to_numpy() for column, _, _ in GRAIN_AXES]
+    for panel, lengths, (_, label, colour) in zip(
+        axis_panels, axis_lengths, GRAIN_AXES, strict=True
+    ):
+        _draw_histogram(panel, lengths, label=f"{label} (mm)", colour=colour, unit="mm")
     sphericity_percent = 100 * berry.sphericity(*axis_lengths)
     _draw_histogram(
         sphericity_panel,
@@ -78,8 +83,10 @@ def draw_sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     first_panel.set_ylabel("number of grains")
     first_panel.yaxis.set_major_locator(MaxNLocator(integer=True))
     style.write_below(
-        figure, "curves: normal distributions of these means and standard deviations"
+        figure,
+        "curves: normal distributions with the mean and standard deviation of each panel",
     )
+    # `read_sizes` sets this flag if a comment in the file says so.
     if sizes.attrs["reconstruction"]:
         figure.suptitle(
             RECONSTRUCTION_NOTE, fontsize=7, style="italic", color=style.RED
@@ -110,7 +117,7 @@ def _draw_histogram(
     mean = values.mean()
     sd = values.std(ddof=1)
     # If all grains are equal, widen the axis and the curve so that they can be seen.
-    shown_sd = max(sd, SMALLEST_SD_FRACTION * mean)
+    shown_sd = max(sd, MIN_RELATIVE_SD * mean)
     low = min(values.min(), mean - shown_sd)
     high = max(values.max(), mean + shown_sd)
     counts, edges, _ = panel.hist(
@@ -131,7 +138,8 @@ def _draw_histogram(
     bin_width = edges[1] - edges[0]
     expected_count = len(values) * bin_width * stats.norm.pdf(x, mean, shown_sd)
     panel.plot(x, expected_count, color=style.BLACK)
-    # The panels share their y axis, so a panel must not lower the top of another panel.
+    # The panels share their y axis and are drawn one after another. So a panel must not
+    # lower the top that an earlier panel has set.
     top = max(panel.get_ylim()[1], PANEL_HEIGHT_FACTOR * counts.max())
     panel.set(xlabel=label, ylim=(0, top))
     text = f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}"

@@ -341,7 +341,7 @@ FIGURES: dict[str, Drawn] = {
         when=has_drum,
     ),
     "design": Drawn(
-        "samples.draw_design_matrix",
+        "samples.draw_design",
         title="Design",
         inputs={"samples": "design/samples.csv"},
         optional={"comparison": "design/comparison.csv"},

@@ -19,13 +19,19 @@ from . import panels, plane, posterior, style, surrogate
 BARS_NOTE = "a point is the mean of one parameter set's runs; bars: ± 1 standard error of a mean"
 MAX_BATCH_TICKS = 8
 BATCH_WIDTH = 0.6  # width of the points of a batch, in distances between two batches
-# Key of the note that contains the predictions at the training, validation and test
+# Heights of the figures in inches: without any row, and for each row
+PLANE_BASE_HEIGHT = 1.0
+HISTORY_BASE_HEIGHT = 0.4
+HISTORY_ROW_HEIGHT = 2.2
+INTERVALS_BASE_HEIGHT = 0.9
+INTERVALS_ROW_HEIGHT = 0.4
+# Key of the answer's note that contains the predictions at the training, validation and test
 # samples
 ACCURACY_KEY = "accuracy"
 SET_LABEL = "sets predicted inside all ranges"
 
 
-class FigurePart(NamedTuple):
+class CalibrationFigure(NamedTuple):
     """A figure of a calibration."""
 
     height: float  # inches on a page
@@ -47,32 +53,32 @@ def plot(
     Returns
     -------
     matplotlib.figure.Figure
-        The figure with all parts.
+        The figure, which contains all others.
     """
     if path is not None:
         path = convert_to_path("path", path)
         style.check_ending(path)
-    # Each part of the page is as high as its figure requires.
-    all_parts = list(list_parts(calibration).values())
-    heights = [part.height for part in all_parts]
+    # Each figure gets a part of the page, which is as high as it requires.
+    parts = list(list_figures(calibration).values())
+    heights = [part.height for part in parts]
     with style.applied():
         figure = style.new_figure(style.PAGE, sum(heights))
         subfigures = figure.subfigures(
             len(heights), squeeze=False, height_ratios=heights
         )
-        for subfigure, part in zip(subfigures.flat, all_parts, strict=True):
+        for subfigure, part in zip(subfigures.flat, parts, strict=True):
             part.draw(subfigure)
         if path is not None:
             style.save(figure, path, small_run=False)
     return figure
 
 
-def list_parts(calibration: Calibration) -> dict[str, FigurePart]:
+def list_figures(calibration: Calibration) -> dict[str, CalibrationFigure]:
     """List the figures that a calibration has, by name.
 
-    The planes require at least two targets, the history two batches, and the corner
-    plot two parameters. The accuracy requires a surrogate that was tested on separate
-    samples.
+    The planes require at least two targets that are numbers, the history two batches,
+    and the corner plot two parameters. The accuracy requires a surrogate that was
+    tested on separate samples.
 
     Parameters
     ----------
@@ -87,30 +93,39 @@ def list_parts(calibration: Calibration) -> dict[str, FigurePart]:
     n_free = calibration.study.parameters.dimensions
     targets = calibration.study.targets
     n_plane_targets = len(plane.leave_out_profiles(targets))
+    # The number of the batch of each run, if the study had batches, is an attribute of the
+    # table of runs.
     n_batches = len(set(calibration.runs.attrs.get(TURN_COLUMN, ())))
 
     # The height of a figure grows with the number of its rows.
-    parts = {}
+    n_target_rows = math.ceil(len(targets) / 2)  # two panels in a row
+    figures = {}
     if n_plane_targets > 1:
         n_planes = math.comb(n_plane_targets, 2)
-        parts["plane"] = FigurePart(
-            1.0 + plane.ROW_HEIGHT * n_planes, partial(_draw_planes, calibration)
+        figures["plane"] = CalibrationFigure(
+            PLANE_BASE_HEIGHT + plane.ROW_HEIGHT * n_planes,
+            partial(_draw_planes, calibration),
         )
     if n_batches > 1:
-        parts["history"] = FigurePart(
-            0.4 + 2.2 * math.ceil(len(targets) / 2),
+        figures["history"] = CalibrationFigure(
+            HISTORY_BASE_HEIGHT + HISTORY_ROW_HEIGHT * n_target_rows,
             partial(_draw_history, calibration),
         )
+    # Only a strategy that tested its surrogate writes this note.
     if ACCURACY_KEY in calibration.answer.notes:
-        parts["accuracy"] = FigurePart(
-            3.9 * math.ceil(len(targets) / 2), partial(_draw_accuracy, calibration)
+        figures["accuracy"] = CalibrationFigure(
+            surrogate.ACCURACY_ROW_HEIGHT * n_target_rows,
+            partial(_draw_accuracy, calibration),
         )
-    parts["intervals"] = FigurePart(
-        0.9 + 0.4 * n_free, partial(_draw_intervals, calibration)
+    figures["intervals"] = CalibrationFigure(
+        INTERVALS_BASE_HEIGHT + INTERVALS_ROW_HEIGHT * n_free,
+        partial(_draw_intervals, calibration),
     )
     if n_free > 1:
-        parts["corner"] = FigurePart(style.PAGE, partial(_draw_corner, calibration))
-    return parts
+        figures["corner"] = CalibrationFigure(
+            style.PAGE, partial(_draw_corner, calibration)
+        )
+    return figures
 
 
 def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
@@ -130,7 +145,9 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
 
 
 def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
-    """Draw how far the samples and the answer are from each target, over the batches.
+    """Draw how far the samples of each batch are from each target, and then the answer.
+
+    A band shows the tolerance in the section `sequential`, also for other strategies.
 
     Parameters
     ----------
@@ -141,8 +158,8 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
     """
     study = calibration.study
     batch_of_sample = _find_batches(calibration)
-    batches = list(range(batch_of_sample.min(), batch_of_sample.max() + 1))
     answer_x = batch_of_sample.max() + 1
+    batches = list(range(batch_of_sample.min(), answer_x))
     # If there are many batches, only some of them get a tick on the axis.
     ticks = batches[:: math.ceil(len(batches) / MAX_BATCH_TICKS)]
     tolerance = study.settings.sequential.tolerance_percent
@@ -159,6 +176,7 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
             x=answer_x,
         )
         panel.set_xticks([*ticks, answer_x], [*map(str, ticks), "answer"])
+    # All panels have the same labels.
     figure.legend(
         *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3
     )
@@ -203,8 +221,8 @@ def _draw_samples(
     # Spread the samples of a batch evenly over a part of the distance to the next
     # batch. The fraction is the position of a sample within this part, from 0 to 1.
     samples_of_batch = samples.groupby(batch_of_sample)["sample"]
-    share = (samples_of_batch.cumcount() + 0.5) / samples_of_batch.transform("size")
-    x = batch_of_sample + BATCH_WIDTH * (share - 0.5)
+    fraction = (samples_of_batch.cumcount() + 0.5) / samples_of_batch.transform("size")
+    x = batch_of_sample + BATCH_WIDTH * (fraction - 0.5)
     percent_of_target = 100 / target.whole
     panel.errorbar(
         x,

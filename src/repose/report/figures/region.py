@@ -27,7 +27,7 @@ from .registry import Inputs, StudyView
 
 REGION_COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
 HIGHEST_MISFIT = 1e9  # upper end of the last band
-MAX_INTERVALS = 3  # largest number of intervals between the ticks of an axis
+MAX_TICK_INTERVALS = 3  # maximum number of intervals between the ticks of an axis
 
 
 class Band(NamedTuple):
@@ -49,7 +49,7 @@ MISFIT_TITLE = (
     "below the diagonal: misfit (standard deviations) at the best values of the other "
     "parameters"
 )
-FRACTION_TITLE = "share of a cell's parameter sets still possible"
+FRACTION_TITLE = "fraction of a cell's parameter sets still possible"
 # Left edge, lower edge, width and height of the colour bar below the diagonal, as
 # fractions of the figure
 COLOUR_BAR_BOX = (0.05, 0.18, 0.4, 0.018)
@@ -85,7 +85,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
     height = 1.08 * style.PAGE if has_excluded_cells else 0.95 * style.PAGE
     figure = style.new_figure(style.PAGE, height)
     axes = figure.subplots(len(names), len(names), squeeze=False)
-    share_mesh = None  # for the colour bar; a single parameter has none
+    fraction_mesh = None  # for the colour bar; a single parameter has none
     for (row, column), panel in np.ndenumerate(axes):
         if row == column:
             _name_parameter(panel, names[row], edges[row])
@@ -100,7 +100,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
             _draw_misfit(panel, cells["least_implausibility"], x_edges, y_edges)
         else:
             # The table contains each pair once, with the earlier parameter across.
-            share_mesh = _draw_fraction(
+            fraction_mesh = _draw_fraction(
                 panel, cells["share"].T, x_edges, y_edges, largest_fraction
             )
         panels.set_scale(panel.set_xscale, study.parameters, names[column])
@@ -118,20 +118,20 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
             loc="outside lower center",
             ncols=len(BANDS),
         )
-    if share_mesh is not None and has_excluded_cells:
+    if fraction_mesh is not None and has_excluded_cells:
         figure.colorbar(
-            share_mesh,
+            fraction_mesh,
             ax=axes,
             location="bottom",
             label=f"above the diagonal: {FRACTION_TITLE}",
             aspect=50,
             pad=0.02,
         )
-    elif share_mesh is not None:
+    elif fraction_mesh is not None:
         # Place the colour bar in the empty half below the diagonal.
         bar_axes = figure.add_axes(COLOUR_BAR_BOX)
         figure.colorbar(
-            share_mesh, cax=bar_axes, orientation="horizontal", label=FRACTION_TITLE
+            fraction_mesh, cax=bar_axes, orientation="horizontal", label=FRACTION_TITLE
         )
     percent = 100 * summary["not_implausible_share"]
     title = f"The measurements leave {format_significant(percent, 3)} % of the searched space open"
@@ -221,7 +221,7 @@ def _draw_misfit(
 
 def _draw_fraction(
     panel: Axes,
-    share: pd.DataFrame,
+    fraction: pd.DataFrame,
     x_edges: np.ndarray,
     y_edges: np.ndarray,
     largest_fraction: float,
@@ -232,12 +232,12 @@ def _draw_fraction(
     ----------
     panel : Axes
         The panel to draw in.
-    share : DataFrame
-        Shares (cells, cells). The rows belong to the parameter along y.
+    fraction : DataFrame
+        Fractions (cells, cells). The rows belong to the parameter along y.
     x_edges, y_edges : ndarray
         Edges (cells + 1,) of the cells.
     largest_fraction : float
-        Share at the end of the colour scale.
+        Fraction at the end of the colour scale.
 
     Returns
     -------
@@ -247,7 +247,7 @@ def _draw_fraction(
     return panel.pcolormesh(
         x_edges,
         y_edges,
-        share.to_numpy(float),
+        fraction.to_numpy(float),
         rasterized=True,
         cmap="Blues",
         vmin=0.0,
@@ -256,19 +256,19 @@ def _draw_fraction(
 
 
 def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
-    """Place the ticks of a panel in a square of panels, one for each pair of parameters.
+    """Place the ticks of a panel in a grid of panels, one for each pair of parameters.
 
     The ticks are on the sides that face away from the diagonal. Only panels at the
-    edges of the square have numbers.
+    edges of the grid have numbers.
 
     Parameters
     ----------
     panel : Axes
         The panel.
     row, column : int
-        Row and column of the panel in the square, counted from 0.
+        Row and column of the panel in the grid, counted from 0.
     last : int
-        Number of the last row, and of the last column.
+        Index of the last row, which is also that of the last column.
     """
     # Panels below the diagonal have ticks at the bottom and on the left, and the others
     # at the top and on the right.
@@ -287,8 +287,8 @@ def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
     axes: dict[Literal["x", "y"], Axis] = {"x": panel.xaxis, "y": panel.yaxis}
     for name, axis in axes.items():
         if axis.get_scale() == LINEAR:
-            panel.locator_params(name, nbins=MAX_INTERVALS)
+            panel.locator_params(name, nbins=MAX_TICK_INTERVALS)
         else:
-            axis.set_major_locator(LogLocator(numticks=MAX_INTERVALS + 1))
+            axis.set_major_locator(LogLocator(numticks=MAX_TICK_INTERVALS + 1))
             axis.set_minor_locator(NullLocator())
     panel.spines[:].set_visible(True)

@@ -19,6 +19,14 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 GRID_POINTS = 60  # along each factor
+MAX_COLUMNS = 3  # of contour plots in a row
+CONTOUR_ROW_HEIGHT = 2.3  # inches
+# Height of a Pareto chart in inches: without any bar, and for each bar
+PARETO_BASE_HEIGHT = 1.0
+HEIGHT_PER_BAR = 0.19
+# Numbers of levels of the coloured areas and of the white lines in a contour plot
+N_AREAS = 12
+N_LINES = 6
 EFFECT_COLUMNS = (
     "response",
     "term",
@@ -30,13 +38,16 @@ EFFECT_COLUMNS = (
 
 
 def draw_pareto_charts(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw standardised effects, the largest first, with the limits of significance.
+    """Draw a Pareto chart of each response: bars for its standardised effects.
+
+    The largest effect is at the top, and lines show the limits of significance.
 
     Parameters
     ----------
     inputs : mapping
         Path of the table `effects`, which has a row for each term of each response. The
-        column `t` contains the effect of the term.
+        terms are the same for all responses. The column `t` contains the effect of the
+        term, without its sign, over its standard error.
     study : StudyView
         The study.
 
@@ -47,14 +58,15 @@ def draw_pareto_charts(inputs: Inputs, study: StudyView) -> Figure:
     """
     targets = study.targets
     effects = read_table(inputs["effects"], EFFECT_COLUMNS)
-    # All responses have the same terms, and each term is a bar.
+    # Each term is a bar.
     n_terms = len(effects) // len(targets)
-    row_height = 1.0 + 0.19 * n_terms
+    row_height = PARETO_BASE_HEIGHT + HEIGHT_PER_BAR * n_terms
     figure, axes = panels.grid(len(targets), row_height, columns=len(targets))
     for panel, target in zip(axes, targets, strict=True):
         effects_of_target = effects[effects["response"] == target.name].sort_values("t")
         _draw_effects(panel, effects_of_target)
         symbol = target.response.symbol
+        # The colours are those of `_draw_effects`.
         panel.set_title(f"{symbol}: orange raises it, blue lowers it")
     axes[-1].legend(loc="lower right")
     return figure
@@ -125,7 +137,10 @@ def draw_perturbation_plots(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw each response over every pair of factors.
+    """Draw contour plots of the fitted surface of each response over pairs of factors.
+
+    The surfaces are fitted to the simulated samples first. A factor is a parameter
+    that is coded, so that its range extends from -1 to 1.
 
     Parameters
     ----------
@@ -146,16 +161,19 @@ def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
     optimum = read_json(
         inputs["optimum"], ("coded",), "output of repose stage conclude"
     )["coded"]
-    # There is a panel for each response and each pair of factors. All models have the
-    # same factors.
-    pairs = list(combinations(range(len(models[0].factors)), 2))
-    columns = min(3, max(len(pairs), len(models)))
-    figure, axes = panels.grid(len(models) * len(pairs), 2.3, columns=columns)
+    factors = models[0].factors  # the same for all models
+    point = np.array([optimum[name] for name in factors])
+    # There is a panel for each response and each pair of factors. The panels of a response
+    # follow each other.
+    pairs = list(combinations(range(len(factors)), 2))
+    columns = min(MAX_COLUMNS, max(len(pairs), len(models)))
+    figure, axes = panels.grid(
+        len(models) * len(pairs), CONTOUR_ROW_HEIGHT, columns=columns
+    )
     targets_and_models = zip(targets, models, strict=True)
     for panel, ((target, model), pair) in zip(
         axes, product(targets_and_models, pairs), strict=True
     ):
-        point = np.array([optimum[name] for name in model.factors])
         _draw_contours(panel, model, region, target=target, pair=pair, point=point)
     return figure
 
@@ -169,7 +187,9 @@ def _draw_contours(
     pair: tuple[int, int],
     point: np.ndarray,
 ) -> None:
-    """Draw one response over two factors, with its target and the optimum.
+    """Draw contours of one response over two factors, with its target and the optimum.
+
+    A black line shows where the response equals its target, and a star the optimum.
 
     Parameters
     ----------
@@ -178,7 +198,8 @@ def _draw_contours(
     model : Model
         The fitted surface.
     region : Region or None
-        The allowed region of the factors, which is drawn. If it is None, all is drawn.
+        The region of the factors that the constraints allow. Only this part of the panel
+        is coloured. If it is None, everything is allowed.
     target : Target
         The target of the response.
     pair : tuple of int
@@ -191,15 +212,17 @@ def _draw_contours(
     coded = np.linspace(-1, 1, GRID_POINTS)
     x_grid, y_grid = np.meshgrid(coded, coded)
     points = np.repeat(point[None], GRID_POINTS * GRID_POINTS, axis=0)
-    points[:, pair] = np.column_stack([x_grid.ravel(), y_grid.ravel()])
+    first, second = pair
+    points[:, first] = x_grid.ravel()
+    points[:, second] = y_grid.ravel()
     values = _predict_allowed(model, points, region).reshape(x_grid.shape)
 
-    panel.contourf(x_grid, y_grid, values, levels=12, cmap="viridis", alpha=0.85)
+    panel.contourf(x_grid, y_grid, values, levels=N_AREAS, cmap="viridis", alpha=0.85)
     lines = panel.contour(
-        x_grid, y_grid, values, levels=6, colors="white", linewidths=0.5
+        x_grid, y_grid, values, levels=N_LINES, colors="white", linewidths=0.5
     )
     panel.clabel(lines, fontsize=6)
-    # Draw a line where the response equals the target, if there is such a place.
+    # Draw a line where the response equals the target, if it does so anywhere.
     if np.nanmin(values) < target.aim < np.nanmax(values):
         panel.contour(
             x_grid,
@@ -209,7 +232,6 @@ def _draw_contours(
             colors=style.BLACK,
             linewidths=1.4,
         )
-    first, second = pair
     panel.plot(
         point[first],
         point[second],

@@ -16,6 +16,14 @@ from repose.report.study_view import compute_cell_edges
 from . import panels, style
 from .registry import Inputs, StudyView
 
+N_BINS = 10  # of the histogram of a parameter
+# Upper left corner of the text, in the empty half above the diagonal, as fractions of the
+# figure
+TEXT_POSITION = (0.56, 0.93)
+# Colours of the bars that compare the design methods, from top to bottom
+METHOD_COLOURS = (style.GREY, style.ORANGE, style.BLUE)
+# Distance of the crosses of failed samples below all values, as a fraction of their range
+CROSS_DISTANCE = 0.1
 # Smallest number of good samples for which a rank correlation is written.
 MIN_CORRELATED = 4
 # Left edge, lower edge, width and height of the comparison of methods, as fractions of
@@ -25,8 +33,11 @@ COMPARISON_BOX = (0.70, 0.70, 0.27, 0.10)
 NOTE_CHARACTERS = 120
 
 
-def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw every pair of free parameters, the histogram of each, and a comparison.
+def draw_design(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw the samples of the design: each pair of free parameters, and each alone.
+
+    If there are at least two parameters, bars compare the design with those of other
+    methods.
 
     Parameters
     ----------
@@ -50,7 +61,7 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
         if x_name == y_name:
             panel.hist(
                 samples[x_name],
-                bins=compute_cell_edges(study.parameters, x_name, 10),
+                bins=compute_cell_edges(study.parameters, x_name, N_BINS),
                 color=style.SKY,
                 ec="white",
             )
@@ -67,10 +78,11 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
 
     text = _describe_design(study, len(samples))
     if len(names) == 1:
-        # A figure with a single panel has no empty corner for the text.
+        # A figure with a single panel has no empty corner for the text and for the
+        # comparison, so leave out the comparison.
         figure.suptitle(text, fontsize=9)
         return figure
-    figure.text(0.56, 0.93, text, fontsize=9, va="top", linespacing=1.5)
+    figure.text(*TEXT_POSITION, text, fontsize=9, va="top", linespacing=1.5)
     if "comparison" in inputs:
         comparison = read_table(inputs["comparison"], ("method", "min_distance"))
         _compare_methods(figure, comparison)
@@ -78,20 +90,34 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _describe_design(study: StudyView, n_samples: int) -> str:
-    """Describe the method of the design and the histograms in several lines.
+    """Describe how the samples were chosen, and what the histograms show.
 
-    If there are constraints, the design is the allowed part of a larger design.
+    If there are constraints, the samples are the allowed part of a larger design. This
+    part fills the allowed region evenly. But each parameter alone is no longer spread
+    evenly over its range, as in a Latin hypercube.
+
+    Parameters
+    ----------
+    study : StudyView
+        The study.
+    n_samples : int
+        Number of samples.
+
+    Returns
+    -------
+    str
+        The description in two or three lines.
     """
     method = METHOD_LABELS[study.settings.design.method]
     histograms = "diagonal: samples in each tenth of a range"
     constraints = study.parameters.constraints
     if not constraints:
         return f"{n_samples} samples: {method}\n{histograms}"
-    rules = "; ".join(constraint.text for constraint in constraints)
+    constraint_texts = "; ".join(constraint.text for constraint in constraints)
     return (
         f"{n_samples} samples: the allowed part of a larger {method}\n"
         f"{histograms}\n"
-        f"spread evenly over {rules}; not a Latin hypercube"
+        f"spread evenly over {constraint_texts}; not a Latin hypercube"
     )
 
 
@@ -110,7 +136,8 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     panel.set_in_layout(False)
     names = [METHOD_LABELS[method] for method in comparison["method"]]
     distances = comparison["min_distance"]
-    colours = [style.GREY, style.ORANGE, style.BLUE][: len(names)]
+    # Beyond the last colour, matplotlib would repeat the first one.
+    colours = METHOD_COLOURS[: len(names)]
     panel.barh(names, distances, color=colours, height=0.6)
     for y, distance in enumerate(distances):
         panel.text(distance, y, f" {distance:.3f}", va="center", fontsize=7)
@@ -145,14 +172,16 @@ def draw_responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
     figure, parameter_panels = panels.make_parameter_panels(targets, parameters, 1.45)
     for panel, target, name in parameter_panels:
         _draw_response(panel, table, name=name, response=target.response)
-    figure.supxlabel(_describe_failed_samples(table), fontsize=style.SMALL_TEXT_PT)
+    figure.supxlabel(_explain_marks_and_failures(table), fontsize=style.SMALL_TEXT_PT)
     return figure
 
 
 def _draw_response(
     panel: Axes, table: pd.DataFrame, name: str, response: Response
 ) -> None:
-    """Draw one response over one parameter, and failed samples as crosses below it.
+    """Draw one response over one parameter, with error bars and a rank correlation.
+
+    Failed samples have no response. They are crosses below all values.
 
     Parameters
     ----------
@@ -168,12 +197,12 @@ def _draw_response(
     is_good = table["status"] == "ok"
     good = table[is_good]
     failed = table[~is_good]
-    value = good[response.name]
-    error = good[response.standard_error].fillna(0.0)
+    values = good[response.name]
+    errors = good[response.standard_error].fillna(0.0)  # no bar if it is unknown
     panel.errorbar(
         good[name],
-        value,
-        yerr=error,
+        values,
+        yerr=errors,
         fmt="o",
         ms=2,
         lw=0.5,
@@ -186,27 +215,28 @@ def _draw_response(
         bottom = 0.0
         top = 1.0
         if len(good):
-            bottom = (value - error).min()
-            top = (value + error).max()
-        # Place the crosses below all values, by a tenth of their range.
-        y = bottom - 0.1 * (top - bottom)
+            bottom = (values - errors).min()
+            top = (values + errors).max()
+        y = bottom - CROSS_DISTANCE * (top - bottom)
         panel.plot(failed[name], np.full(len(failed), y), "x", ms=3.5, color=style.RED)
     if len(good) >= MIN_CORRELATED:
-        correlation = good[name].rank().corr(value.rank())
+        # Spearman's correlation is that of the ranks.
+        correlation = good[name].rank().corr(values.rank())
         panel.set_title(
             f"ρ = {correlation:+.2f}", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2
         )
 
 
-def _describe_failed_samples(table: pd.DataFrame) -> str:
-    """Describe how many samples failed, and why."""
+def _explain_marks_and_failures(table: pd.DataFrame) -> str:
+    """Explain the bars and numbers of the figure, and describe the failed samples."""
     explanation = "bars: ± 1 standard error over seeds; ρ: rank correlation"
     failed = table[table["status"] != "ok"]
     if failed.empty:
+        # This is short enough for one line.
         return f"{explanation}; all {len(table)} samples gave a result"
     reasons = describe_failures(failed["status"].value_counts().to_dict(), "failed")
-    note = (
+    text = (
         f"{explanation}; {len(failed)} of {len(table)} samples gave no result (×, at "
         f"the bottom): {reasons}"
     )
-    return textwrap.fill(note, NOTE_CHARACTERS)
+    return textwrap.fill(text, NOTE_CHARACTERS)

@@ -78,7 +78,7 @@ def _draw_figures(calibration: Calibration) -> dict[str, io.BytesIO]:
     """Draw the figures of a calibration as files in memory, by name."""
     files = {}
     with style.applied():
-        for name, part in own.list_parts(calibration).items():
+        for name, part in own.list_figures(calibration).items():
             figure = style.new_figure(style.PAGE, part.height)
             part.draw(figure)
             files[name] = style.encode(figure)
