@@ -407,7 +407,7 @@ def figure() -> str:
             truth, table["low_rollfric"], table["high_rollfric"], color=style.BLUE
         )
         right.set(xlabel="true rolling friction", ylabel="90 % interval")
-        style.name_panels([left, right])
+        style.label_panels([left, right])
         path = table_path("piles").with_name("known_truth.png")
         style.save(page, path, small_run=False)
     return str(path)

@@ -78,13 +78,13 @@ def draw_sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
         colour=style.PURPLE,
         unit="%",
     )
-    style.name_panels(histogram_panels)
+    style.label_panels(histogram_panels)
     first_panel = histogram_panels[0]
     first_panel.set_ylabel("number of grains")
     first_panel.yaxis.set_major_locator(MaxNLocator(integer=True))
     style.write_below(
         figure,
-        "curves: normal distributions with the mean and standard deviation of each panel",
+        "curves: normal distributions with the mean and deviation in each panel",
     )
     # `read_sizes` sets this flag if a comment in the file says so.
     if sizes.attrs["reconstruction"]:

@@ -133,7 +133,7 @@ def draw_published_solutions(inputs: Inputs, study: StudyView) -> Figure:
     figure, axes = panels.grid(len(targets), PANEL_HEIGHT, extra_height=0.3)
     for panel, target in zip(axes, targets, strict=True):
         _draw_published_and_simulated(panel, table, target)
-    style.name_panels(axes)
+    style.label_panels(axes)
     # The optional column `stale` says which results come from other settings.
     if "stale" in table and table["stale"].any():
         figure.suptitle(STALE_WARNING, fontsize=style.SMALL_TEXT_PT, color=style.RED)
@@ -234,8 +234,8 @@ def _draw_predicted_and_simulated(
     _draw_measurement(panel, table, target)
     predicted = table[response.predicted].to_numpy(float)
     simulated = table[response.simulated].to_numpy(float)
-    # Published tables have no standard errors. A single run has none either, and gets no
-    # error bar.
+    # Published tables have no standard errors. A single run has none either, and gets
+    # no error bar.
     standard_error = None
     if response.standard_error in table:
         standard_error = table[response.standard_error].fillna(0.0)

@@ -46,7 +46,7 @@ HALF_BAR = 0.32  # half the length of the bar at a mean, in distances between ro
 
 
 def draw_definitions(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the lines of every definition on one view of a pile, and the angles in all views.
+    """Draw the lines of every definition on one view, and the angles in all views.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def _draw_first_view(
     measured: pile.Measurement,
     settings: MeasureSettings,
 ) -> None:
-    """Draw the silhouette of a pile, with a line on its left and right side by definition.
+    """Draw the silhouette of a pile, with the lines of each definition on both sides.
 
     Lengths in the panel are in mm, and distances are measured from the crest. The panel
     also gets the labels for a legend.
@@ -191,7 +191,8 @@ def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> No
     settings : MeasureSettings
         Settings of the lines.
     """
-    # `for_grain` has set the height of a grain, so the fallback 0 only satisfies the type.
+    # `for_grain` has set the height of a grain, so the fallback 0 only satisfies the
+    # type.
     levels = [(settings.berry_height_mm or 0.0, "one grain")]
     for fraction in (settings.fit_from, settings.fit_to):
         # The text "berry" stands for the height of one grain, which is already listed.

@@ -73,7 +73,7 @@ def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
         _draw_standard_error(error_panel, seeds, target=target, line_style=line_style)
         _draw_reachable_r2(r2_panel, seeds, target=target, line_style=line_style)
     _set_scales_and_labels(error_panel, r2_panel)
-    style.name_panels([*response_panels, error_panel, r2_panel])
+    style.label_panels([*response_panels, error_panel, r2_panel])
     error_panel.legend()
     r2_panel.legend(
         loc="lower right",
@@ -155,7 +155,7 @@ def _write_standard_deviations(
 def _draw_standard_error(
     panel: Axes, seeds: pd.DataFrame, target: Target, line_style: Mapping[str, str]
 ) -> None:
-    """Draw the standard error of the mean of one response against the number of seeds."""
+    """Draw the standard error of a response's mean against the number of seeds."""
     response = target.response
     percent = seeds[f"{response.quantity}_se_percent"]
     panel.plot(seeds["seeds"], percent, label=response.symbol, **line_style)

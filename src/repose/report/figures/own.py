@@ -25,8 +25,8 @@ HISTORY_BASE_HEIGHT = 0.4
 HISTORY_ROW_HEIGHT = 2.2
 INTERVALS_BASE_HEIGHT = 0.9
 INTERVALS_ROW_HEIGHT = 0.4
-# Key of the answer's note that contains the predictions at the training, validation and test
-# samples
+# Key of the answer's note that contains the predictions at the training, validation and
+# test samples
 ACCURACY_KEY = "accuracy"
 SET_LABEL = "sets predicted inside all ranges"
 
@@ -93,8 +93,8 @@ def list_figures(calibration: Calibration) -> dict[str, CalibrationFigure]:
     n_free = calibration.study.parameters.dimensions
     targets = calibration.study.targets
     n_plane_targets = len(plane.leave_out_profiles(targets))
-    # The number of the batch of each run, if the study had batches, is an attribute of the
-    # table of runs.
+    # The number of the batch of each run, if the study had batches, is an attribute of
+    # the table of runs.
     n_batches = len(set(calibration.runs.attrs.get(TURN_COLUMN, ())))
 
     # The height of a figure grows with the number of its rows.

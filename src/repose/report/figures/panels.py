@@ -213,8 +213,8 @@ def finish_pair_panels(
     for axes, x_name, y_name in panels:
         is_diagonal = x_name == y_name
         is_first_column = x_name == names[0]
-        # A panel on the diagonal shows one parameter as a histogram. Its heights need no
-        # numbers, so its y axis is hidden as a whole.
+        # A panel on the diagonal shows one parameter as a histogram. Its heights need
+        # no numbers, so its y axis is hidden as a whole.
         has_y_axis = is_first_column and not is_diagonal
         set_scale(axes.set_xscale, parameters, x_name)
         axes.set_xlim(limits[x_name])

@@ -297,7 +297,7 @@ def _describe_span(solutions: pd.DataFrame, x_target: Target, y_target: Target) 
 def _draw_answer(
     panel: Axes, answer: pd.Series, x_target: Target, y_target: Target
 ) -> None:
-    """Draw the predicted responses of the answer, and the simulated ones if there are any.
+    """Draw the predicted responses of the answer, and the simulated ones if known.
 
     The answer is the parameter set that the study reports.
 

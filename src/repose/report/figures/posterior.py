@@ -50,9 +50,9 @@ COLUMN_NOTE = (
 CORNER_TEXT_POSITION = (0.47, 0.975)
 CORNER_LEGEND_POSITION = (0.63, 0.8)
 INTERVALS_HEIGHT = 3.3  # inches, of the figure of the credible intervals
-# In the panel of the intervals, each parameter has a strip. Its range extends from x = 0
-# to x = 1, and its middle is at a whole number y. So all sizes in y are multiples of the
-# distance between two strips.
+# In the panel of the intervals, each parameter has a strip. Its range extends from x =
+# 0 to x = 1, and its middle is at a whole number y. So all sizes in y are multiples of
+# the distance between two strips.
 LEFT_END = -0.03
 RIGHT_END = 1.17  # leaves space for numbers beside the range
 NUMBERS_X = 1.03  # position of these numbers
@@ -204,8 +204,8 @@ def draw_corner(
     draws = data.posterior.draws
     table = data.posterior.parameters.set_index("parameter")
     has_published_intervals = "published_low" in table
-    # The cells of the last pair, for the colour bar, which is the same for all pairs. If
-    # there is only one parameter, there is no pair.
+    # The cells of the last pair, for the colour bar, which is the same for all pairs.
+    # If there is only one parameter, there is no pair.
     mesh = None
     pair_panels = panels.add_pair_panels(figure, parameters)
     for panel, x_name, y_name in pair_panels:
@@ -297,7 +297,8 @@ def _draw_marginal(
     name = row.name
     edges = compute_cell_edges(parameters, name, N_BINS)
     # All bins have the same width along the scale of the parameter. Weight the draws so
-    # that the histogram shows their density along this scale, and so that its area is 1.
+    # that the histogram shows their density along this scale, and so that its area is
+    # 1.
     low, high = parameters.coordinates(name, edges[[0, -1]])
     bin_width = (high - low) / N_BINS
     weight = 1 / (len(values) * bin_width)
@@ -486,9 +487,9 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
         )
 
     # Describe how well the best draw fits, and whether the draws can be trusted. Where
-    # there are few simulated samples, the surrogate extrapolates. R-hat compares several
-    # chains of draws and is 1 if they agree. Draws of a chain resemble each other, so
-    # they are worth only a smaller number of effective, independent draws.
+    # there are few simulated samples, the surrogate extrapolates. R-hat compares
+    # several chains of draws and is 1 if they agree. Draws of a chain resemble each
+    # other, so they are worth only a smaller number of effective, independent draws.
     distance = summary["misfit"]["squared_distance"] ** 0.5
     sparse_percent = 100 * summary["thin_share"]
     r_hat = summary["largest_r_hat"]

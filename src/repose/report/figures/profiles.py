@@ -59,7 +59,7 @@ def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
         # same variance, and there are `profile.functions` of them.
         height_sd = score_targets[0].sd * np.sqrt(profile.functions)
         draw(panel, profile, sd=height_sd, lines=lines)
-    style.name_panels(axes)
+    style.label_panels(axes)
     return figure
 
 

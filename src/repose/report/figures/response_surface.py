@@ -163,8 +163,8 @@ def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
     )["coded"]
     factors = models[0].factors  # the same for all models
     point = np.array([optimum[name] for name in factors])
-    # There is a panel for each response and each pair of factors. The panels of a response
-    # follow each other.
+    # There is a panel for each response and each pair of factors. The panels of a
+    # response follow each other.
     pairs = list(combinations(range(len(factors)), 2))
     columns = min(MAX_COLUMNS, max(len(pairs), len(models)))
     figure, axes = panels.grid(
@@ -198,8 +198,8 @@ def _draw_contours(
     model : Model
         The fitted surface.
     region : Region or None
-        The region of the factors that the constraints allow. Only this part of the panel
-        is coloured. If it is None, everything is allowed.
+        The region of the factors that the constraints allow. Only this part of the
+        panel is coloured. If it is None, everything is allowed.
     target : Target
         The target of the response.
     pair : tuple of int

@@ -106,7 +106,7 @@ def draw_states(inputs: Inputs, study: StudyView) -> Figure:
 def _describe_end_of_article_run(
     arrays: Mapping[str, np.ndarray], settings: DrumSettings
 ) -> str:
-    """Describe in a further line how far the drum has turned when the article's run ends.
+    """Describe how far the drum has turned when the article's run ends, in a new line.
 
     The angle is known only if the reported time is the end of this run. Otherwise the
     text is empty.
@@ -148,8 +148,8 @@ def _describe_slip(
     slipped = runs[runs["status"] == "ok"]
     if len(slipped) < 2:
         return slip
-    # The run that is shown is that with the median angle, as `choose_median_run` finds it
-    # by its seed. Runs are numbered by their rows, from 1.
+    # The run that is shown is that with the median angle, as `choose_median_run` finds
+    # it by its seed. Runs are numbered by their rows, from 1.
     shown_seed = choose_median_run(runs)
     number = runs["seed"].tolist().index(shown_seed) + 1
     angle = _format_mean_and_error(slipped["before_turned_deg"])
@@ -173,8 +173,8 @@ def _select_grains(
     Parameters
     ----------
     arrays : mapping
-        Arrays of the states by name, as for `draw_states`. If there is no array `scale`,
-        all grains have the size of `particle`.
+        Arrays of the states by name, as for `draw_states`. If there is no array
+        `scale`, all grains have the size of `particle`.
     state : str
         The state, one of `STATE_TITLES`.
     particle : Particle
@@ -316,7 +316,7 @@ def draw_course(inputs: Inputs, study: StudyView) -> Figure:
     figure, (left, right) = panels.grid(2, 2.9, width_ratios=(1.5, 1))
     _draw_angles(left, record, runs=runs, settings=study.section(DRUM, DrumSettings))
     _draw_layers(right, profile)
-    style.name_panels((left, right))
+    style.label_panels((left, right))
     return figure
 
 
@@ -423,8 +423,8 @@ def _draw_angles_of_runs(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame) 
         # A run without a slip is drawn to its end.
         if run["status"] == "ok":
             rows = rows[rows["time_s"] <= run["after_time_s"]]
-        # Matplotlib leaves labels with an underscore out of the legend, so only the first
-        # run adds its labels.
+        # Matplotlib leaves labels with an underscore out of the legend, so only the
+        # first run adds its labels.
         label_prefix = "" if k == 0 else "_"
         panel.plot(
             rows["time_s"],

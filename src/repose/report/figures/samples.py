@@ -17,12 +17,13 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 N_BINS = 10  # of the histogram of a parameter
-# Upper left corner of the text, in the empty half above the diagonal, as fractions of the
-# figure
+# Upper left corner of the text, in the empty half above the diagonal, as fractions of
+# the figure
 TEXT_POSITION = (0.56, 0.93)
 # Colours of the bars that compare the design methods, from top to bottom
 METHOD_COLOURS = (style.GREY, style.ORANGE, style.BLUE)
-# Distance of the crosses of failed samples below all values, as a fraction of their range
+# Distance of the crosses of failed samples below all values, as a fraction of their
+# range
 CROSS_DISTANCE = 0.1
 # Smallest number of good samples for which a rank correlation is written.
 MIN_CORRELATED = 4

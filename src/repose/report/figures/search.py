@@ -24,8 +24,9 @@ MIN_LOSS_NOTE = (
     "uncertain each prediction is, so the answer may lie beside the other sets."
 )
 GOLDEN_FRACTION = 0.6180339887
-# In a strip, the range of a parameter extends from x = 0 to x = 1, and its middle is at a
-# whole number y. All sizes in y are thus multiples of the distance between two strips.
+# In a strip, the range of a parameter extends from x = 0 to x = 1, and its middle is at
+# a whole number y. All sizes in y are thus multiples of the distance between two
+# strips.
 FRACTION_X = 1.03  # where the fraction of the range that the solutions span is written
 STRIP_LIMITS = (-0.02, 1.13)  # of the x axis, with space for this fraction
 LEGEND_ROOM = 1.15  # below the middle of the lowest strip
@@ -236,8 +237,8 @@ def _draw_parameter_strips(
         y = len(names) - 1 - number  # the first parameter is at the top
         # `shares` converts values of the parameter to fractions of its range.
         positions = study.parameters.shares(name, solutions[name].to_numpy())
-        # Matplotlib leaves labels with an underscore out of the legend, so only the first
-        # strip adds its labels.
+        # Matplotlib leaves labels with an underscore out of the legend, so only the
+        # first strip adds its labels.
         label_prefix = "" if number == 0 else "_"
         _draw_strip(
             panel,
@@ -386,8 +387,8 @@ def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.COLUMN, 2.6)
     panel = figure.subplots()
     _draw_objective(panel, history)
-    # The surrogate cannot tell apart objectives that are smaller than its own error. Draw
-    # this error as a line.
+    # The surrogate cannot tell apart objectives that are smaller than its own error.
+    # Draw this error as a line.
     if "summary" in inputs:
         summary = read_json(inputs["summary"], ("feasible",))
         errors = summary.get("representative_judged", {}).get("predicted_se")
@@ -444,8 +445,8 @@ def _draw_surrogate_error(
     errors : mapping
         Standard errors of the predicted responses, by name.
     """
-    # According to Eq. 11 and 12 of the article, the objective is the weighted sum of the
-    # deviations, each divided by the width of its target range.
+    # According to Eq. 11 and 12 of the article, the objective is the weighted sum of
+    # the deviations, each divided by the width of its target range.
     objective = 0.0
     error_texts = []
     for target in study.targets:

@@ -146,8 +146,8 @@ def _draw_fractions(
     )
     panel.margins(y=0.15)
     text = "bars: 95 % intervals"
-    # First-order indices sum to 1 if the parameters do not interact. The other fractions
-    # have no such sum.
+    # First-order indices sum to 1 if the parameters do not interact. The other
+    # fractions have no such sum.
     if fractions == INDICES:
         first_order, _ = fractions
         total = table[first_order.column].sum()

@@ -223,8 +223,8 @@ def describe_line(settings: MeasureSettings, definition: str | None = None) -> s
     settings : MeasureSettings
         Settings of the lines.
     definition : str, optional
-        Name of a definition of the angle, one of `repose.measure.angles.DEFINITIONS`. By
-        default, it is that of the calibrated angle, `settings.response`.
+        Name of a definition of the angle, one of `repose.measure.angles.DEFINITIONS`.
+        By default, it is that of the calibrated angle, `settings.response`.
 
     Returns
     -------
@@ -295,8 +295,8 @@ def _explain_angles(config: Config, shown_text: str) -> list[str]:
     Parameters
     ----------
     config : mapping
-        The configuration. Without its sections `targets` and `measure`, there is nothing
-        to explain.
+        The configuration. Without its sections `targets` and `measure`, there is
+        nothing to explain.
     shown_text : str
         All texts of the figure. A symbol may occur anywhere in it.
 
@@ -370,7 +370,7 @@ def panel_letter(k: int) -> str:
     return ALPHABET[k % 26] * (1 + k // 26)
 
 
-def name_panels(panels: Sequence[Axes]) -> None:
+def label_panels(panels: Sequence[Axes]) -> None:
     """Write the letter of each panel as its title; a single panel gets none."""
     if len(panels) > 1:
         for k, panel in enumerate(panels):
@@ -467,8 +467,8 @@ def draw_scale_bar(
     camera : Camera
         The camera of the picture.
     point_m : ndarray
-        A point (3,) in the coordinates of the simulation. In a picture with perspective,
-        the bar is correct only at this point's distance from the camera.
+        A point (3,) in the coordinates of the simulation. In a picture with
+        perspective, the bar is correct only at this point's distance from the camera.
     extent_m : float
         Length of the object in the picture.
     suffix : str

@@ -51,15 +51,16 @@ ACCURACY_NOTE = (
     "leaves, for the test samples the mean scatter of the whole design; by chance a model "
     "can seem better."
 )
-# Drawing of the network. The layers are at x = 0, 1 and 2, and the nodes of a layer extend
-# from y = -1 to y = 1 at most.
+# Drawing of the network. The layers are at x = 0, 1 and 2, and the nodes of a layer
+# extend from y = -1 to y = 1 at most.
 TITLE_Y = 1.13  # of the titles of the layers
 NETWORK_Y_LIMITS = (-1.1, 1.38)  # leaves space for these titles
 SYMBOL_GAP = 0.12  # between the centre of a node and the symbol beside it
 NETWORK_LEFT = -0.6  # leaves space for the symbols of the inputs
 NETWORK_RIGHT = 2.45  # without the symbols of the outputs
 LETTER_WIDTH = 0.055  # of these symbols
-# Height of the figure of the network in inches: at least, without bars, and for each bar
+# Height of the figure of the network in inches: at least, without bars, and for each
+# bar
 MIN_NETWORK_HEIGHT = 3.1
 HEIGHT_WITHOUT_BARS = 1.0
 HEIGHT_PER_BAR = 0.17
@@ -113,7 +114,8 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     network = read_json(
         path, ("inputs", "outputs", "W1", "W2"), "the file of a network"
     )
-    # The weights `W1` from the inputs to the hidden layer have a row for each hidden node.
+    # The weights `W1` from the inputs to the hidden layer have a row for each hidden
+    # node.
     n_hidden, n_inputs = np.shape(np.atleast_2d(network["W1"]))
     n_outputs = len(network["outputs"])
     layers = Layers(
@@ -136,7 +138,7 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
         left, layers, titles=titles, inputs=network["inputs"], symbols=symbols
     )
     _draw_influence(right, influence, inputs=network["inputs"], symbols=symbols)
-    style.name_panels((left, right))
+    style.label_panels((left, right))
     note = INFLUENCE_NOTE
     if study.parameters.constraints:
         note = INFLUENCE_NOTE_WITH_CONSTRAINTS
@@ -198,7 +200,7 @@ def _draw_network(
     inputs: Sequence[str],
     symbols: Sequence[str],
 ) -> None:
-    """Draw the nodes of a network with one hidden layer, and a thin line for each weight.
+    """Draw a network with one hidden layer: its nodes, and a thin line for each weight.
 
     Parameters
     ----------
@@ -264,7 +266,8 @@ def _draw_influence(
     symbols : sequence of str
         Symbols of the responses, in the order of its rows.
     """
-    # The bars are horizontal. Those of an input lie below each other around its position.
+    # The bars are horizontal. Those of an input lie below each other around its
+    # position.
     positions = np.arange(len(inputs))
     bar_height = BARS_FRACTION / len(symbols)
     for k, symbol in enumerate(symbols):
@@ -340,8 +343,8 @@ def compute_influence(
         # undefined, so leave all of them at zero.
         return Influence(fraction, direction)
 
-    # Constraints make the inputs depend on each other. Sobol indices are defined only for
-    # independent inputs, so another fraction takes their place.
+    # Constraints make the inputs depend on each other. Sobol indices are defined only
+    # for independent inputs, so another fraction takes their place.
     kind = "remaining" if parameters.constraints else "total"
     # Fixed inputs keep a fraction of zero.
     free_columns = [model.inputs.index(name) for name in parameters.free]
@@ -383,8 +386,8 @@ def _compute_changes_along_parameters(
         _, means = compute_main_effects(respond, low, high=high, seed=seed, points=2)
         return means[:, 1] - means[:, 0]
 
-    # An end of a range may not be allowed, so use many values along it. At values that the
-    # constraints do not allow, the means are NaN.
+    # An end of a range may not be allowed, so use many values along it. At values that
+    # the constraints do not allow, the means are NaN.
     _, means = compute_main_effects(
         respond, low, high, seed=seed, is_allowed=parameters.is_allowed
     )
@@ -485,7 +488,7 @@ def draw_accuracy(
             ylabel=style.response_label(plotted_response, "predicted"),
         )
         panel.legend(loc="lower right", handletextpad=0.2)
-    style.name_panels(axes)
+    style.label_panels(axes)
 
 
 def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
@@ -603,9 +606,9 @@ def _describe_accuracy(
     unit = plotted_response.unit
     surrogate_accuracy = _format_accuracy(simulated, predicted - simulated, unit)
 
-    # Estimate the standard error by its root mean square over the split. A design has few
-    # test samples, so for them take all samples of the design. New points are not part
-    # of the design.
+    # Estimate the standard error by its root mean square over the split. A design has
+    # few test samples, so for them take all samples of the design. New points are not
+    # part of the design.
     rows_with_errors = rows
     if split == "test":
         rows_with_errors = table[table["split"] != "new points"]

@@ -89,8 +89,9 @@ def describe_surrogate(
 def _describe_networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     """Collect the weights of a network, or of each network of an ensemble.
 
-    `network.js` reads the values by these keys. The page computes the standard errors of
-    predictions from a matrix R whose product R @ R.T is the covariance of the weights.
+    `network.js` reads the values by these keys. The page computes the standard errors
+    of predictions from a matrix R whose product R @ R.T is the covariance of the
+    weights.
 
     Parameters
     ----------

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 MAX_FRAMES = 72
 MAX_BYTES = 1_500_000  # of positions and orientations
 BYTES_PER_GRAIN = 10  # in one frame
-# Positions are stored as numbers of 16 bits, from 0 to 65535. The largest number marks a
-# grain that is absent, which `view.js` also knows. So a position is at most 65534.
+# Positions are stored as numbers of 16 bits, from 0 to 65535. The largest number marks
+# a grain that is absent, which `view.js` also knows. So a position is at most 65534.
 POSITION_STEPS = 65534
 ABSENT_POSITION = 65535
 # Components of orientations, from -1 to 1, are stored as numbers of 8 bits with a sign.

@@ -85,8 +85,8 @@ class AnswerSection:
     origin: str  # when, and by which version and machine, the results were made
     determination: str  # how many parameters are determined; empty without intervals
     samples_meeting_targets: str  # how many there are; empty if there are few
-    # How far the simulated means are from the measured ones; empty if the answer was not
-    # simulated again
+    # How far the simulated means are from the measured ones; empty if the answer was
+    # not simulated again
     differences: str
     near_bounds: str  # parameters that may be at a bound; empty without any
     table: Table
@@ -167,9 +167,10 @@ def make_answer_section(results: Results) -> AnswerSection:
 
 
 def list_warnings_of_impossible_targets(files: Mapping[str, str]) -> list[str]:
-    """List the card's warnings about angles that no pile of the measured height can have.
+    """List the card's warnings about target angles that no pile can have.
 
-    Without a material card, the list is empty.
+    Such an angle is impossible for a pile of the measured height. Without a material
+    card, the list is empty.
     """
     if "card" not in files:
         return []
@@ -222,13 +223,13 @@ def _describe_determination(results: Results) -> str:
     if n_narrowed == 0:
         return (
             f"{condition}, the measurements determine none of the {n_parameters} "
-            f"parameters: each 95 % interval has {narrowest:.0f} % or more of the width "
-            "that it would have without the measurements."
+            f"parameters: each 95 % interval has {narrowest:.0f} % or more of the "
+            "width that it would have without the measurements."
         )
     return (
         f"{condition}, the measurements narrow the intervals of {n_narrowed} of the "
-        f"{n_parameters} parameters: the narrowest 95 % interval has {narrowest:.0f} % of the width that "
-        "it would have without the measurements."
+        f"{n_parameters} parameters: the narrowest 95 % interval has "
+        f"{narrowest:.0f} % of the width that it would have without the measurements."
     )
 
 
@@ -275,9 +276,9 @@ def _describe_samples_meeting_targets(results: Results) -> str:
     widest, widest_name = max(spans, key=itemgetter(0))
     return (
         f"{len(samples_inside)} of the {len(samples)} simulated samples already lie "
-        f"inside all target ranges; they span between {100 * narrowest:.0f} % (for "
-        f"{narrowest_name}) and {100 * widest:.0f} % (for {widest_name}) of the searched "
-        "ranges."
+        "inside all target ranges; they span between "
+        f"{100 * narrowest:.0f} % (for {narrowest_name}) and {100 * widest:.0f} % (for "
+        f"{widest_name}) of the searched ranges."
     )
 
 
@@ -315,8 +316,8 @@ def _describe_differences(results: Results) -> str:
             f"Single simulations scatter more than their mean: by {' and '.join(scatters)} "
             "(standard deviation)."
         )
-    # The errors above are those of the simulation alone. That of a measured mean follows
-    # from the standard deviation of its repetitions.
+    # The errors above are those of the simulation alone. That of a measured mean
+    # follows from the standard deviation of its repetitions.
     errors = [
         _format_with_unit(check.sd / math.sqrt(check.repetitions), check.unit)
         for check in checks
@@ -536,7 +537,7 @@ def _make_response_row(results: Results, target: Target) -> list[str]:
     simulated_text = _format_mean_with_error(simulated, error, f" {unit}")
     difference = ""
     if simulated is not None:
-        # The reference is the measured value, for most targets.
+        # `whole_value` counts as 100 %. For most targets it is the measured value.
         percent = 100 * (simulated - target.value) / target.whole_value
         difference = f"{percent:+.1f} %"
 
@@ -709,8 +710,8 @@ def _make_cells_of_set(
         predicted = row.get(response.predicted)
         simulated = row.get(response.simulated)
         cells.append(_Cell(f"{symbol} predicted ({unit})", predicted))
-        # The expected optimism is by how much a prediction probably exceeds the truth. It
-        # is not known in every study, and never for published sets.
+        # The expected optimism is by how much a prediction probably exceeds the truth.
+        # It is not known in every study, and never for published sets.
         if response.optimism in results.checked_sets:
             optimism = _format_mean_with_error(
                 row.get(response.optimism),
@@ -942,8 +943,8 @@ def _list_strategy_steps(results: Results) -> list[str]:
     steps.append(f"Search: {results.summary['message']}")
     n_runs = results.answer_row.get("n_seeds", 0)  # a run for each seed
     steps.append(
-        f"Check: {len(results.checked_sets)} of the parameter sets found were simulated "
-        f"again with new seeds. There were {n_runs:.0f} runs of the answer."
+        f"Check: {len(results.checked_sets)} of the parameter sets found were "
+        f"simulated again with new seeds. There were {n_runs:.0f} runs of the answer."
     )
     return steps
 
@@ -1039,7 +1040,7 @@ def _describe_noise_of_samples(results: Results) -> str:
 def make_collapsible_tables(
     tables: Mapping[str, pd.DataFrame],
 ) -> list[CollapsibleTable]:
-    """Convert tables, by title, to tables that a click on their title shows or hides."""
+    """Convert tables, by title, to tables that a click on the title shows or hides."""
     return [make_collapsible_table(title, frame) for title, frame in tables.items()]
 
 

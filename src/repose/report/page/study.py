@@ -150,7 +150,7 @@ class Results:
 
 
 def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
-    """Read the results of a study, and compute how probably its answer meets the targets.
+    """Read the results of a study, and compute how probably it meets its targets.
 
     Parameters
     ----------
@@ -194,12 +194,6 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
     checked_sets = read_table(
         answer_path, ("role", *parameter_columns, *targets.predicted)
     )
-    within = {
-        percent: compute_target_probabilities(runs_by_bench_test, targets, percent)[
-            "all"
-        ]
-        for percent in REPORTED_PERCENTS
-    }
     # Date the page by the file of the answer, so that the date changes only with the
     # results.
     modified = date.fromtimestamp(os.path.getmtime(answer_path))
@@ -210,7 +204,7 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         parameters=study.parameters,
         answer_row=find_answer(checked_sets, source=answer_path),
         probability=compute_target_probabilities(runs_by_bench_test, targets),
-        probability_within=within,
+        probability_within=_compute_probabilities_within(runs_by_bench_test, targets),
         posterior=_read_posterior(files),
         surrogate=_load_or_fit_surrogate(files, targets, study.parameters, names),
         solutions=read_table(files["feasible"], ("solution", *parameter_columns)),
@@ -228,6 +222,30 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         runs_of_answer=list(chain.from_iterable(runs_by_bench_test.values())),
         assumed_errors=_read_assumed_errors(files),
     )
+
+
+def _compute_probabilities_within(
+    runs_by_bench_test: Mapping[str, list[Any]], targets: Targets
+) -> dict[float, float | None]:
+    """Compute how probably all responses lie within some percent of their targets.
+
+    Parameters
+    ----------
+    runs_by_bench_test : mapping
+        Runs of the answer, by the name of their bench test.
+    targets : Targets
+        The targets.
+
+    Returns
+    -------
+    dict
+        The probability for each of `REPORTED_PERCENTS`; None if it is unknown.
+    """
+    probabilities = {}
+    for percent in REPORTED_PERCENTS:
+        of_targets = compute_target_probabilities(runs_by_bench_test, targets, percent)
+        probabilities[percent] = of_targets["all"]
+    return probabilities
 
 
 def _check_file_names(files: Files) -> None:
@@ -318,8 +336,9 @@ def _load_or_fit_surrogate(
     runs = read_runs(
         files["runs"], targets, dataset=samples, dataset_csv=files["dataset"]
     )
-    # First make a table in which each row has all responses, although a run of one bench
-    # test gives only some of them. Then convert the table to the arrays of kriging.
+    # First make a table in which each row has all responses, although a run of one
+    # bench test gives only some of them. Then convert the table to the arrays of
+    # kriging.
     rows_of_runs = arrange_for_strategy(samples, runs, targets)
     observed = arrange_runs(rows_of_runs, parameters, targets)
     return SpaceKriging(Kriging(observed), parameters)

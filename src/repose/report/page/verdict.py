@@ -123,7 +123,8 @@ def describe_probability(results: Results, includes_target_ranges: bool = True) 
             "The probability of this is unknown: fewer than two runs of these "
             "parameters could be measured."
         )
-    # Each run has its own seed. Without runs, only the surrogate predicts the responses.
+    # Each run has its own seed. Without runs, only the surrogate predicts the
+    # responses.
     n_runs = results.get_number("n_seeds")
     if n_runs is None:
         evidence = (

@@ -74,15 +74,15 @@ class DrumInside:
         radius_at_front = np.hypot(at_front[..., 0], at_front[..., 2])
         cylinder_depth = self._compute_cylinder_depth(eye_m, rays)
 
-        # A ray that enters the drum ends at the inner cylinder or at the back. Other rays
-        # end at the rim or miss the drum.
+        # A ray that enters the drum ends at the inner cylinder or at the back. Other
+        # rays end at the rim or miss the drum.
         enters_drum = radius_at_front < self.radius_m
         depth = np.where(
             enters_drum, np.minimum(cylinder_depth, back_depth), front_depth
         )
 
-        # The inner cylinder faces the axis; the rim and the back face the camera. On the
-        # cylinder, x and z of a point are as long as the radius.
+        # The inner cylinder faces the axis; the rim and the back face the camera. On
+        # the cylinder, x and z of a point are as long as the radius.
         normals = np.zeros(rays.shape)
         on_cylinder = enters_drum & (cylinder_depth < back_depth)
         points_m = eye_m + depth[..., None] * rays

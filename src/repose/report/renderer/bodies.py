@@ -143,7 +143,8 @@ def place_bodies(
         rotations=rotations_of_parts,
         vertices=vertices,
         body_of_part=parts.body_of_part,
-        # Without bodies, the radius is 0. Shadows need a length, so use that of a shape.
+        # Without bodies, the radius is 0. Shadows need a length, so use that of a
+        # shape.
         largest_m=largest_radius_m or float(radii[0]),
     )
 

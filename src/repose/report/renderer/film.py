@@ -405,7 +405,8 @@ def _write_within_limit(
     durations_ms[-1] = round(1000 * LAST_FRAME_S)
     is_webp = FORMATS[out_path.suffix.lower()] == "WEBP"
     content = b""  # after the loop, the smallest file, whose size the message states
-    # Try all qualities from the largest file to the smallest, until one is small enough.
+    # Try all qualities from the largest file to the smallest, until one is small
+    # enough.
     for colours, quality in zip(GIF_COLOURS, WEBP_QUALITY, strict=True):
         if is_webp:
             content = _encode_webp(images, durations_ms, quality)

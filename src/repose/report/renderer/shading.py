@@ -133,8 +133,8 @@ def choose_colours(
     ]
     colour_of_shape = np.array([first_colour, *other_colours])
     # Make each body lighter or darker, and more or less yellow, by random numbers with
-    # a fixed seed. NumPy never changes the numbers of a `RandomState`, so neither do the
-    # pictures.
+    # a fixed seed. NumPy never changes the numbers of a `RandomState`, so neither do
+    # the pictures.
     random = np.random.RandomState(VARIATION_SEED)
     yellowness, lightness = random.uniform(-1, 1, (2, n_bodies))
     brightness = 1 + BRIGHTNESS_VARIATION * lightness[body_of_part, None]
@@ -340,8 +340,8 @@ def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
     y = (points[..., 1] - corner[1]) / pixel_m
     # Add a margin of one pixel beyond the last row and column that contain a point.
     shape = (int(y.max()) + 2, int(x.max()) + 2)
-    # The rows of the map are counted upwards, unlike those of a picture, so the map is a
-    # mirror image. Reverse the order of the corners of each triangle, so that
+    # The rows of the map are counted upwards, unlike those of a picture, so the map is
+    # a mirror image. Reverse the order of the corners of each triangle, so that
     # `draw_triangles` still draws the triangles that face the light.
     reversed_triangles = bodies.triangles[:, ::-1]
     heights, *_ = raster.draw_triangles(
@@ -441,7 +441,7 @@ def _paint_backdrop(band: Band, camera: Camera, backdrop: DrumInside | None) -> 
 
 
 def _paint_panels(band: Band) -> None:
-    """Paint flat walls. The steeper a wall is, the darker it is, to tell walls apart."""
+    """Paint flat walls. A steeper wall is darker, which tells walls apart."""
     mask = band.view.panel
     level_factor = 0.80 + 0.20 * np.clip(band.view.normal[mask][:, 2], 0, 1)
     brightness = (band.compute_brightness(mask) * level_factor)[:, None]
@@ -517,7 +517,8 @@ def _find_cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[Co
     b = x * eye[0] + y * eye[1] - radius_increase * radius
     c = eye[0] ** 2 + eye[1] ** 2 - radius**2
     root = np.sqrt(np.maximum(b * b - a * c, 0))
-    # If a > 0, the sign + gives the larger distance. If a < 0, it gives the smaller one.
+    # If a > 0, the sign + gives the larger distance. If a < 0, it gives the smaller
+    # one.
     with np.errstate(divide="ignore", invalid="ignore"):
         return [
             ConeSide(wall, distance=(-b + sign * root) / a, is_met=root > 0)
