@@ -384,5 +384,5 @@ def test_figure(done, targets):
     says(
         " ".join(text.get_text() for text in figure.findobj(Text)),
         "All targets within 1 %",
-        "asked for",
+        "required: ",
     )
