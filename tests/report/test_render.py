@@ -84,7 +84,7 @@ def test_the_camera_holds_all_points_and_fills_the_picture():
 def test_the_kernels_have_the_places_of_the_camera():
     camera = look_at(np.eye(3), 60, 40, elevation_deg=20, azimuth_deg=35)
     place = np.empty(3)
-    raster.write_place(
+    raster.write_point(
         (camera.eye_m, camera.axes, camera.focal_px),
         (camera.height, camera.width),
         7,

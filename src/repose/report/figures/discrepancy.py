@@ -76,10 +76,7 @@ def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figur
     # The last `COLUMNS` panels, which may lie in two rows, have no panel below them.
     for panel in axes[-COLUMNS:]:
         panel.set_xlabel("assumed error (%)")
-    title = (
-        "95 % intervals of the parameters, in their ranges; bands: assumed errors, in "
-        "the colours of the panel above"
-    )
+    title = "95 % intervals of the parameters, in their ranges; bands: assumed errors"
     if len(shape_study_rows):
         title += "; bar: spread of the shape study's models"
     below.suptitle(title, fontsize=7.5)

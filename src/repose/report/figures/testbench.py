@@ -21,7 +21,7 @@ from repose.measure.silhouette import Grains, compute_outlines
 from . import panels, style
 from .registry import Inputs, StudyView
 
-Place = tuple[float, float]  # x and y in the units of a panel
+Point = tuple[float, float]  # x and y in the units of a panel
 
 LEVEL_COLOUR = "#D7191C"
 PLATE_COLOUR = "#C9CED3"
@@ -426,7 +426,7 @@ def _draw_dimensions(
         start=(-half_inlet, inlet_z),
         end=(half_inlet, inlet_z),
         text=f"inlet {2 * half_inlet:g}",
-        place=(0, inlet_z + 4),
+        position=(0, inlet_z + 4),
         va="bottom",
     )
     outlet_z = outlet - 11
@@ -435,7 +435,7 @@ def _draw_dimensions(
         start=(-half_outlet, outlet_z),
         end=(half_outlet, outlet_z),
         text=f"{2 * half_outlet:g}",
-        place=(half_outlet + 4, outlet_z),
+        position=(half_outlet + 4, outlet_z),
         ha="left",
         va="center",
     )
@@ -451,7 +451,7 @@ def _draw_dimensions(
             start=(heights_x, low),
             end=(heights_x, high),
             text=text,
-            place=(heights_x - 4, (low + high) / 2),
+            position=(heights_x - 4, (low + high) / 2),
             ha="right",
             va="center",
         )
@@ -475,7 +475,7 @@ def _draw_dimensions(
 
 
 def draw_dimension(
-    panel: Axes, start: Place, end: Place, text: str, place: Place, **options: Any
+    panel: Axes, start: Point, end: Point, text: str, position: Point, **options: Any
 ) -> None:
     """Draw a dimension of the test bench as an arrow with two heads and a number.
 
@@ -487,7 +487,7 @@ def draw_dimension(
         Both ends of the arrow, each as x and y.
     text : str
         The number, which may follow a name.
-    place : tuple of float
+    position : tuple of float
         Position of the number, as x and y.
     **options
         Arguments of matplotlib's `text`. By default, the number is centred
@@ -503,7 +503,7 @@ def draw_dimension(
     }
     panel.annotate("", start, xytext=end, arrowprops=arrow, zorder=5)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
-    x, y = place
+    x, y = position
     panel.text(
         x,
         y,

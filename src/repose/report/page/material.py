@@ -8,8 +8,8 @@ from repose.dem.materials import Material
 from repose.report.page.tables import Table
 
 # Number of digits of the calibrated contact parameters, and of the other values
-DIGITS_FOUND = 3
-DIGITS_KNOWN = 4
+CALIBRATED_DIGITS = 3
+OTHER_DIGITS = 4
 # The directions of a grain's principal axes, the longest first.
 AXIS_NAMES = ("x", "y", "z")
 
@@ -20,7 +20,7 @@ class Value(NamedTuple):
     name: str
     value: float
     unit: str = "–"
-    digits: int = DIGITS_KNOWN
+    digits: int = OTHER_DIGITS
 
     @property
     def text(self) -> str:
@@ -111,7 +111,7 @@ def _list_contact_values(parameters: Mapping[str, Any]) -> Iterator[Value]:
             f"{parameter['meaning']} ({name})",
             parameter["value"],
             unit="",
-            digits=DIGITS_FOUND,
+            digits=CALIBRATED_DIGITS,
         )
 
 

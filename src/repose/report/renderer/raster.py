@@ -148,13 +148,13 @@ def _make_spiral(n_points):
 
 
 @compiled
-def write_place(camera, shape, row, column, depth, place):
-    """Write the point (3,) in m at a depth along the ray of a pixel into `place`."""
+def write_point(camera, shape, row, column, depth, point):
+    """Write the point (3,) in m at a depth along the ray of a pixel into `point`."""
     eye, axes, focal = camera
     right = (column + 0.5 - shape[1] / 2) / focal
     up = (shape[0] / 2 - row - 0.5) / focal
     for k in range(3):
-        place[k] = eye[k] + depth * (right * axes[0, k] + up * axes[1, k] + axes[2, k])
+        point[k] = eye[k] + depth * (right * axes[0, k] + up * axes[1, k] + axes[2, k])
 
 
 @compiled
@@ -205,22 +205,22 @@ def compute_lit_fraction(
     lit = np.ones((rows, columns), np.float32)
     across, down = _make_spiral(n_samples)
     point = np.empty(3)
-    place = np.empty(3)  # the point in the axes of the light
+    light_point = np.empty(3)  # the point in the axes of the light
     reach = 1.0 + softness_m / pixel_m  # of the disc of samples, in pixels of the map
     for row in range(rows):
         for column in range(columns):
             if math.isinf(depth[row, column]):
                 continue
-            write_place(camera, depth.shape, row, column, depth[row, column], point)
+            write_point(camera, depth.shape, row, column, depth[row, column], point)
             for axis in range(3):
-                place[axis] = 0.0
+                light_point[axis] = 0.0
                 for k in range(3):
-                    place[axis] += (point[k] + normals[row, column, k] * bias_m) * axes[
-                        axis, k
-                    ]
+                    light_point[axis] += (
+                        point[k] + normals[row, column, k] * bias_m
+                    ) * axes[axis, k]
             # If the disc of samples lies outside the map, nothing shades the point.
-            u = (place[0] - origin[0]) / pixel_m
-            v = (place[1] - origin[1]) / pixel_m
+            u = (light_point[0] - origin[0]) / pixel_m
+            v = (light_point[1] - origin[1]) / pixel_m
             if not (-reach < u < map_columns + reach and -reach < v < map_rows + reach):
                 continue
             # Turn the disc by a different angle in each pixel.
@@ -231,7 +231,7 @@ def compute_lit_fraction(
             for sample in range(n_samples):
                 map_column = int(
                     (
-                        place[0]
+                        light_point[0]
                         + turn_x * across[sample]
                         - turn_y * down[sample]
                         - origin[0]
@@ -240,7 +240,7 @@ def compute_lit_fraction(
                 )
                 map_row = int(
                     (
-                        place[1]
+                        light_point[1]
                         + turn_y * across[sample]
                         + turn_x * down[sample]
                         - origin[1]
@@ -248,7 +248,10 @@ def compute_lit_fraction(
                     / pixel_m
                 )
                 is_inside = 0 <= map_column < map_columns and 0 <= map_row < map_rows
-                if not is_inside or light_map[map_row, map_column] <= place[2] + bias_m:
+                if (
+                    not is_inside
+                    or light_map[map_row, map_column] <= light_point[2] + bias_m
+                ):
                     n_open += 1
             lit[row, column] = n_open / n_samples
     return lit
@@ -287,7 +290,7 @@ def compute_openness(depth, normals, camera, mask, radius_m, n_samples):
         for column in range(columns):
             if not mask[row, column] or math.isinf(depth[row, column]):
                 continue
-            write_place(camera, depth.shape, row, column, depth[row, column], point)
+            write_point(camera, depth.shape, row, column, depth[row, column], point)
             angle = _compute_pixel_angle(row, column)
             # Convert the disc of neighbours to pixels, and turn it by a different angle
             # in each pixel.
@@ -300,7 +303,7 @@ def compute_openness(depth, normals, camera, mask, radius_m, n_samples):
                 c = int(column + turn_x * across[sample] - turn_y * down[sample])
                 if not (0 <= r < rows and 0 <= c < columns) or math.isinf(depth[r, c]):
                     continue
-                write_place(camera, depth.shape, r, c, depth[r, c], neighbour)
+                write_point(camera, depth.shape, r, c, depth[r, c], neighbour)
                 height = 0.0  # of the neighbour above the surface
                 squared_distance = 1e-18  # not 0, because the distance is a divisor
                 for k in range(3):
