@@ -97,7 +97,8 @@ def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning
     ----------
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     omega_x, omega_y, omega_z : float
@@ -124,7 +125,8 @@ def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning
 def write_rotated_diagonal(scratch, row, motion, diagonal_row):
     """Rotate a diagonal matrix from the axes of each lane's body into world axes.
 
-    The result is R diag(d1, d2, d3) R', with the rotation R of the body's quaternion.
+    The result is R diag(d1, d2, d3) R', where R is the rotation matrix of the body's
+    quaternion.
 
     Parameters
     ----------
@@ -139,12 +141,13 @@ def write_rotated_diagonal(scratch, row, motion, diagonal_row):
     """
     for lane in range(LANES):
         qw, qx, qy, qz = quaternion_of(motion, lane)
-        # Read number by number. With `lane_vector` the last bits would change, see
-        # `jit`.
+        # Read the diagonal number by number. With `lane_vector` the compiler would
+        # combine other products, which changes the last bits of the result (see `jit`).
         d1 = motion[diagonal_row + lane]
         d2 = motion[diagonal_row + LANES + lane]
         d3 = motion[diagonal_row + 2 * LANES + lane]
-        # The rotation R, in which xy is the x component of the body's second axis
+        # The elements of R. Its columns are the body's axes in the world, so xy is the
+        # x component of the body's second axis.
         xx = 1.0 - 2.0 * (qy * qy + qz * qz)
         xy = 2.0 * (qx * qy - qw * qz)
         xz = 2.0 * (qx * qz + qw * qy)
@@ -185,7 +188,8 @@ def rotate_into_body(motion, lane, x, y, z):
     ----------
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     x, y, z : float
@@ -213,7 +217,8 @@ def rotate_into_world(motion, lane, x, y, z):
     ----------
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     x, y, z : float
@@ -240,8 +245,9 @@ def exceeds_budget(scratch, lane, lx, ly, lz, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     lx, ly, lz : float
@@ -263,8 +269,9 @@ def count_disturbed_bodies(scratch, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     dt : float
         Time step [s].
     """
@@ -280,24 +287,29 @@ def count_disturbed_bodies(scratch, dt):
 
 @kernel
 def add_torques(scratch, motion, dt):
-    """Add the torque of each lane's body, times the time step, to its angular momentum.
+    """Add each body's torque, times the time step, to its angular momentum.
+
+    The function also counts the bodies that may turn. The budget of a body is the
+    angular momentum that rolling resistance can take from it in a step. Only a body
+    whose angular momentum exceeds its budget may turn.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     dt : float
         Time step [s].
 
     Returns
     -------
     int
-        Number of bodies whose angular momentum exceeds the budget, so that rolling
-        resistance may not stop them.
+        Number of bodies whose angular momentum exceeds the budget.
     """
     n_turning = 0
     for lane in range(LANES):
@@ -307,7 +319,7 @@ def add_torques(scratch, motion, dt):
         ly = ly + dt * torque_y
         lz = lz + dt * torque_z
         write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
-        # Rolling resistance stops the body unless its momentum exceeds the budget.
+        # If the momentum does not exceed the budget, rolling resistance stops the body.
         may_turn = exceeds_budget(scratch, lane, lx, ly, lz, dt)
         n_turning += 1 if may_turn else 0
     return n_turning
@@ -320,11 +332,13 @@ def stop_rotations(scratch, motion):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     """
     for offset in range(3 * LANES):
         motion[ANGULAR_MOMENTUM + offset] = 0.0
@@ -333,17 +347,21 @@ def stop_rotations(scratch, motion):
 
 @inlined
 def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
-    """Return the direction of the rolling resistance on a body that it does not stop.
+    """Return the direction of the rolling resistance on a body that keeps turning.
 
-    All components are along the principal axes of the body, and all motion is relative
-    to the frame of the rolling resistance.
+    All components are along the principal axes of the body, numbered 1 to 3, and all
+    motion is relative to the frame of the rolling resistance. The budget B is the
+    angular momentum that rolling resistance can take from the body in this step.
 
     After the resistance has acted, the angular velocity is s n, where s is the speed
     and n the unit vector that is returned. The resistance takes the angular momentum B
     n from the angular momentum l, so I s n = l - B n, where I is the inertia. With J =
     1 / I, this gives n = J l / d along each axis, where d = s + B J. The speed s is the
-    root of |n(s)| = 1. The function 1 / |n(s)| is concave, so Newton's method for this
-    function converges to the root from below.
+    root of |n(s)| = 1.
+
+    The function 1 / |n(s)| is concave, so Newton's method for 1 / |n(s)| = 1 converges
+    to the root from below. Let q = |n|^2 be the sum of (J l)^2 / d^2 over the axes, and
+    p = -q'(s) / 2 the sum of (J l)^2 / d^3. Then a step adds q (sqrt(q) - 1) / p to s.
 
     Parameters
     ----------
@@ -393,8 +411,9 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     for _ in range(NEWTON_STEPS):
         # The denominators d = s + B J of the three axes
         d1, d2, d3 = speed + loss1, speed + loss2, speed + loss3
-        # Multiply all fractions of n by the product of the three denominators, so that
-        # a step needs only one division. d23 is the product of d2 and d3.
+        # Multiply all fractions by the product D of the three denominators, so that a
+        # step needs only one division. d23 is the product of d2 and d3. `square` is q
+        # D^2, and `slope` is p D^3.
         d23, d31, d12 = d2 * d3, d3 * d1, d1 * d2
         square1 = numerator1 * numerator1 * d23 * d23
         square2 = numerator2 * numerator2 * d31 * d31
@@ -402,6 +421,7 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
         square = square1 + square2 + square3
         slope = square1 * d23 + square2 * d31 + square3 * d12
         speed = max(speed + square * (math.sqrt(square) - d1 * d23) / slope, 0.0)
+    # The components of n at the root
     d1, d2, d3 = speed + loss1, speed + loss2, speed + loss3
     inverse = 1.0 / (d1 * d2 * d3)
     return (
@@ -415,22 +435,28 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
 def resist_rolling(scratch, motion, dt):
     """Apply rolling resistance to each lane's body.
 
-    The budget B is dt times the sum of mu_r F_n R over the contacts of a body. It
-    opposes the rotation that remains: the angular momentum l becomes l' = l - B o' /
-    |o'|, where o' is the angular velocity that belongs to l'. This equation has one
-    solution. If |l| <= B, the body stops, whatever its orientation. The resistance
-    never reverses a rotation, so a settled pile is at rest.
+    The budget B of a body is the angular momentum that rolling resistance can take from
+    it in a step: dt times the sum of mu_r F_n R over its contacts. If the angular
+    momentum l is not larger than B, the body stops. Otherwise the resistance opposes
+    the rotation that remains: l becomes l' = l - B o' / |o'|, where o' is the angular
+    velocity that belongs to l'. This equation has one solution, which
+    `resistance_direction` finds. The resistance never reverses a rotation, so a settled
+    pile is at rest.
 
-    Writes the angular momentum to `motion` and the angular velocity to `scratch`.
+    Writes the angular momentum to `motion` and the angular velocity to `scratch`. The
+    loop has no branches, so that it becomes vector code: it computes both cases for
+    each lane and selects one.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     dt : float
         Time step [s].
 
@@ -444,9 +470,11 @@ def resist_rolling(scratch, motion, dt):
         lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
         budget = dt * scratch[BUDGET + lane]
         momentum_squared = squared_length(lx, ly, lz)
-        # The lane of an absent body may contain a torque, but no moments of inertia.
+        # The lane of an absent body may contain a torque, but its inverse moments of
+        # inertia are zero.
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         is_present = j1 > 0.0
+        # `&` in place of `and` avoids a branch.
         is_turning = (momentum_squared > budget * budget) & is_present
         n_turning += 1 if is_turning else 0
         # The momentum and the direction of the resistance, along the body's axes
@@ -470,18 +498,22 @@ def resist_rolling(scratch, motion, dt):
 def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
     """Apply rolling resistance to each lane's body, relative to a rotating frame.
 
-    The resistance is that of `resist_rolling`, but a body that it stops rotates with
-    the frame. Writes the angular momentum to `motion` and the angular velocity to
-    `scratch`.
+    The resistance is that of `resist_rolling`, but with the motion relative to the
+    frame. A body that it stops rotates with the frame. The budget of a body is the
+    angular momentum that rolling resistance can take from it in a step. Writes the
+    angular momentum to `motion` and the angular velocity to `scratch`. The loop has no
+    branches, so that it becomes vector code.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     dt : float
         Time step [s].
     frame_x, frame_y, frame_z : float
@@ -492,22 +524,26 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
         budget = dt * scratch[BUDGET + lane]
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         is_present = j1 > 0.0
-        # Compute the angular momentum of a body that rotates with the frame. Along the
-        # body's axes, it is the angular velocity times the moments of inertia. Absent
-        # bodies have none.
+        # (rest_x, rest_y, rest_z) is the angular momentum of a body that rotates with
+        # the frame. Along the body's axes, it is the angular velocity times the moments
+        # of inertia 1 / j. An absent body has none: its j is 0.
         x, y, z = rotate_into_body(motion, lane, frame_x, frame_y, frame_z)
         x = x / j1 if is_present else 0.0
         y = y / j2 if is_present else 0.0
         z = z / j3 if is_present else 0.0
         rest_x, rest_y, rest_z = rotate_into_world(motion, lane, x, y, z)
-        # The momentum relative to the frame, and the direction, along the body's axes
+        # (x, y, z) becomes the angular momentum relative to the frame, along the body's
+        # axes.
         x, y, z = rotate_into_body(motion, lane, lx - rest_x, ly - rest_y, lz - rest_z)
         momentum_squared = x * x + y * y + z * z
         is_turning = (momentum_squared > budget * budget) & is_present
+        # (x, y, z) becomes the direction of the resistance, first along the body's
+        # axes, then in the world.
         x, y, z = resistance_direction(
             x, y, z, j1, j2, j3, math.sqrt(momentum_squared), budget
         )
         x, y, z = rotate_into_world(motion, lane, x, y, z)
+        # The resistance takes the budget, or stops the body relative to the frame.
         lx = lx - budget * x if is_turning else rest_x
         ly = ly - budget * y if is_turning else rest_y
         lz = lz - budget * z if is_turning else rest_z
@@ -527,20 +563,23 @@ def advance_orientation(scratch, motion, dt):
 
     The angular momentum l is constant within the step. The angular velocity is o = J l,
     where J is the inverse inertia. Because J rotates with the body, o changes at the
-    rate -J (o x l).
+    rate -J (o x l). The row OMEGA of `scratch` has o at the beginning of the step, and
+    is overwritten with o half a step later.
 
-    Writes the quaternion to `motion` and the angular velocity to `scratch`. Adds the
-    path of the body's farthest point to the row PATH of `scratch`. Velocities and
-    momenta that are almost zero become zero (`state.flush_tiny`).
+    Writes the quaternion to `motion`. Adds the path of the body's farthest point in
+    this step to the row PATH of `scratch`. Velocities and momenta that are almost zero
+    become zero (`state.flush_tiny`).
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     dt : float
         Time step [s].
     """
@@ -551,7 +590,7 @@ def advance_orientation(scratch, motion, dt):
         rate_x, rate_y, rate_z = inverse_inertia_times(
             scratch, lane, cross_x, cross_y, cross_z
         )
-        # The angular velocity in the middle of the step, half a step later
+        # The angular velocity half a time step later, in the middle of the step
         omega_x = flush_tiny(omega_x - 0.5 * dt * rate_x)
         omega_y = flush_tiny(omega_y - 0.5 * dt * rate_y)
         omega_z = flush_tiny(omega_z - 0.5 * dt * rate_z)
@@ -565,10 +604,11 @@ def advance_orientation(scratch, motion, dt):
         )
         write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
         speed_squared = squared_length(omega_x, omega_y, omega_z)
-        # The path of the body's farthest point, at its bounding radius
+        # Add the path of the body's farthest point, at its bounding radius.
         scratch[PATH + lane] += (
             dt * motion[state.RADIUS + lane] * math.sqrt(speed_squared)
         )
+        # The last argument says whether the body turns at all.
         turn_quaternion(
             motion, lane, omega_x, omega_y, omega_z, 0.5 * dt, speed_squared > 0.0
         )
@@ -581,11 +621,13 @@ def write_inverse_inertia(scratch, motion):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     """
     write_rotated_diagonal(scratch, INVERSE_INERTIA, motion, INVERSE_MOMENTS)
 
@@ -594,27 +636,34 @@ def write_inverse_inertia(scratch, motion):
 def write_shapes(scratch, motion, parts):
     """Write inverse inertia and shape of each lane's body in its present orientation.
 
-    The shape of a smooth body is a symmetric matrix for each of its ellipsoids. The
-    shape of a clump is its quaternion. The loop over the ellipsoids is written out, so
-    that their rows are constants in the compiled code.
+    The shape of a smooth body is a symmetric 3 x 3 matrix (PART rows) for each of its
+    ellipsoids, at most three. The shape of a clump is its quaternion (four rows). The
+    function is not called for simulations of spheres. The loop over the ellipsoids is
+    written out, so that their rows are constants in the compiled code.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     parts : int
-        Largest number of ellipsoids in a body; 0 for clumps.
+        Largest number of ellipsoids in a body, 1 to 3; 0 for clumps.
     """
     write_inverse_inertia(scratch, motion)
+    # From ROWS on, the scratch tile has a row for each column of `Bodies.rows`. In it,
+    # the shape begins at the column SHAPE.
     first = ROWS + SHAPE * LANES
+    # Copy the four rows of the quaternion of clumps.
     if parts == 0:
         for offset in range(4 * LANES):
             scratch[first + offset] = motion[QUATERNION + offset]
         return
+    # The squared semi-axes of each ellipsoid are three rows of `motion`.
     write_rotated_diagonal(scratch, first, motion, SQUARES)
     if parts > 1:
         second = ROWS + (SHAPE + PART) * LANES
@@ -634,11 +683,13 @@ def write_dashpot_shares(scratch, motion, dt, parts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     dt : float
         Time step [s].
     parts : int
@@ -659,26 +710,31 @@ def write_dashpot_shares(scratch, motion, dt, parts):
 def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, frame_z):
     """Rotate the smooth bodies or clumps of a tile by one step.
 
-    This takes little time if no body turned in the previous step and none may begin to
-    turn.
+    The steps are: add the torques, apply the rolling resistance, rotate the bodies, and
+    write their shapes. Each uses the results of the previous one. The call takes little
+    time if no body turned in the previous step and no torque exceeds the rolling
+    resistance.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     dt : float
         Time step [s].
     parts : int
         Largest number of ellipsoids in a body; 0 for clumps.
     is_resting : bool
         Whether no body of the tile turned in the previous step. If so, the scratch tile
-        has only the first columns of the bodies.
+        has only the first columns of the bodies, without the inverse inertia.
     frame_x, frame_y, frame_z : float
-        Angular velocity of the frame against which rolling is resisted [rad/s].
+        Angular velocity of the frame against which rolling is resisted [rad/s]. Zeros
+        mean that the frame does not rotate.
 
     Returns
     -------
@@ -690,8 +746,9 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
         return False
     n_turning = add_torques(scratch, motion, dt)
     if is_resting:
-        # The scratch tile of resting bodies does not have it yet.
+        # The scratch tile of resting bodies does not have the inverse inertia yet.
         write_inverse_inertia(scratch, motion)
+    # Apply the rolling resistance. Return early if it stops all bodies of the tile.
     if has_frame:
         resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z)
     elif n_turning == 0:
@@ -701,6 +758,7 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
         return False
     advance_orientation(scratch, motion, dt)
     write_shapes(scratch, motion, parts)
+    # Write which fraction of its tangential dashpots each body allows to act.
     write_dashpot_shares(scratch, motion, dt, parts)
     return True
 
@@ -717,11 +775,13 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     dt : float
         Time step [s].
     frame_x, frame_y, frame_z : float
@@ -773,11 +833,13 @@ def rotate_spheres(scratch, motion, dt, is_resting, frame_x, frame_y, frame_z):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     dt : float
         Time step [s].
     is_resting : bool

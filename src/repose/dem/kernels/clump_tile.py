@@ -65,10 +65,14 @@ def rotated_vector(w, x, y, z, px, py, pz):
 def write_arms(scratch, history, body_row, centre_row, arm_row):
     """Write the vector from each body's centre to its sphere's centre, in world axes.
 
+    It is the sphere's centre in the axes of the body, rotated by the quaternion of the
+    body.
+
     Parameters
     ----------
     scratch : array
-        Scratch tile of LANES contacts, with the quaternions of the bodies.
+        Scratch tile of LANES contacts, one in each lane, with the quaternions of the
+        bodies.
     history : array
         Tile of the numbers that these contacts keep, with the centres of their spheres
         in body axes.
@@ -79,6 +83,8 @@ def write_arms(scratch, history, body_row, centre_row, arm_row):
     arm_row : int
         First of the three rows of `scratch` to which the vectors are written.
     """
+    # In the tile, a column of `Bodies.rows` is a row of LANES numbers. For a clump, the
+    # columns of the shape are its quaternion (w, x, y, z).
     quaternion_row = body_row + SHAPE * LANES
     for lane in range(LANES):
         qw = scratch[quaternion_row + lane]
@@ -95,17 +101,22 @@ def write_sphere_pair_geometry(scratch, history):
     """Compute normal, gap, effective radius and contact point of each pair of spheres.
 
     Each sphere belongs to a clump. Writes the normal (row NORMAL of `history`), and the
-    rows GAP, RADIUS, RA and RB of `scratch`. RA and RB are the vectors from the centres
-    of the two clumps to the contact point.
+    rows GAP, RADIUS (the effective radius), RA and RB of `scratch`. RA and RB are the
+    vectors from the centres of the two clumps to the contact point. A contact keeps
+    what depends only on its two spheres: their radii, the sum of these (row REACH) and
+    the effective radius (row CURVATURE).
 
     Parameters
     ----------
     scratch : array
-        Scratch tile of LANES contacts with the bodies (tile.A, tile.B).
+        Scratch tile of LANES contacts, one in each lane, with copies of the two bodies
+        in the rows from tile.A and tile.B on.
     history : array
         Tile of the numbers that these contacts keep, with the centres and radii of
         their spheres.
     """
+    # Write the vectors from the centres of the clumps to those of the spheres. The loop
+    # below reads them.
     write_arms(scratch, history, tile.A, CENTRE_A, ARM_A)
     write_arms(scratch, history, tile.B, CENTRE_B, ARM_B)
     for lane in range(LANES):
@@ -123,7 +134,8 @@ def write_sphere_pair_geometry(scratch, history):
         spheres_x = bodies_x + arm_b_x - arm_a_x
         spheres_y = bodies_y + arm_b_y - arm_a_y
         spheres_z = bodies_z + arm_b_z - arm_a_z
-        # The unit normal along this vector; zero if the centres coincide
+        # The unit normal along this vector. If the centres coincide, it is zero: the
+        # lower bound NEAREST avoids a division by zero.
         distance = math.sqrt(squared_length(spheres_x, spheres_y, spheres_z))
         inverse = 1.0 / (distance if distance > NEAREST else NEAREST)
         nx, ny, nz = inverse * spheres_x, inverse * spheres_y, inverse * spheres_z
@@ -146,13 +158,16 @@ def write_sphere_pair_geometry(scratch, history):
 def write_sphere_plane_geometry(scratch, history):
     """Compute gap, effective radius and contact point of each sphere on a plane.
 
-    Writes the rows GAP, RADIUS and RA of `scratch`. Beyond the edge of the plane's
-    disc, the gap is tile.BEYOND, which is infinite, as in `tile.write_plane_geometry`.
+    Each sphere belongs to a clump. Writes the rows GAP, RADIUS (the effective radius)
+    and RA (vector from the clump's centre to the contact point) of `scratch`. The gap
+    is negative for an overlap. Beyond the edge of the plane's disc it is tile.BEYOND,
+    which is infinite.
 
     Parameters
     ----------
     scratch : array
-        Scratch tile of LANES contacts with their bodies (tile.A).
+        Scratch tile of LANES contacts, one in each lane, with copies of their bodies in
+        the rows from tile.A on.
     history : array
         Tile of the numbers that these contacts keep: the plane, and the centre and
         radius of the sphere.
@@ -165,6 +180,8 @@ def write_sphere_plane_geometry(scratch, history):
         arm_x, arm_y, arm_z = lane_vector(scratch, ARM_A, lane)
         x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
         radius = history[RADIUS + lane]
+        # The normal points into the wall, and OFFSET is the distance of the plane from
+        # the origin along it.
         gap = history[OFFSET + lane] - nx * x - ny * y - nz * z - radius
         scratch[tile.RADIUS + lane] = radius
         # The contact point lies midway between sphere and plane.

@@ -42,9 +42,11 @@ def sphere_arm(row, tile, lane):
     ----------
     row : array
         The clump, a row of `Bodies.rows`, with its quaternion.
-    tile, lane : array, int
-        The tile of `WallContacts.data` and the lane of the sphere's contact, which
-        keeps the sphere's centre in the body's axes.
+    tile : array (rows * LANES,)
+        The contact's tile of `WallContacts.data`: rows of LANES numbers, one for each
+        contact. It holds the sphere's centre in the body's axes.
+    lane : int
+        Lane of the contact in its tile, 0 to LANES - 1.
     """
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
@@ -55,6 +57,9 @@ def sphere_arm(row, tile, lane):
 @inlined
 def write_sphere_plane_contact(x, y, z, radius, plane, geometry):
     """Fill `geometry` for a sphere and a plane, in world axes.
+
+    The normal points from the sphere into the wall, so `height` is positive while the
+    centre is in front of the plane.
 
     Parameters
     ----------
@@ -78,8 +83,11 @@ def write_sphere_plane_contact(x, y, z, radius, plane, geometry):
     # along the normal
     dx, dy, dz = point_x - x, point_y - y, point_z - z
     height = nx * dx + ny * dy + nz * dz
+    # The effective radius of a sphere on a plane is the sphere's radius, so the radius
+    # is passed twice.
     write_sphere_contact(geometry, nx, ny, nz, height - radius, radius, radius)
-    # The component in the plane, by Pythagoras' theorem
+    # The distance of the centre from the axis of the disc, by Pythagoras' theorem.
+    # Rounding could make the difference negative.
     squared_distance = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
     return math.sqrt(squared_distance) - plane[PLANE_RADIUS]
 
@@ -135,7 +143,9 @@ def write_sphere_contact_in_world(walls, wall, x, y, z, radius, geometry):
 def write_contact_sphere(contacts, clumps, k, i, sphere):
     """Write centre and radius of a sphere of body i to the lane of contact k.
 
-    They are in the axes of the body: those of the body's shape times the body's scale.
+    Both are in the axes of the body. `Clumps.spheres` holds the spheres of each shape
+    at scale 1, so they are multiplied by the scale of the body. Contact k is lane k %
+    LANES of tile k // LANES; a row of the tile holds one quantity of LANES contacts.
 
     Parameters
     ----------
@@ -224,16 +234,19 @@ def forget_sphere_contact(contacts, clumps, counts, length_index, k):
 def find_free_distance(gap, distance_beyond, radius, past_bits, sphere, is_leaning):
     """Return how far a sphere may move before it touches a wall [m]; 0.0 for contact.
 
-    A sphere is past the wall if it overlaps the surface beyond the wall's end, or if
-    its centre is behind the surface, unless its body leans on another wall. It remains
-    past the wall until it is clear of the surface.
+    A sphere is past the wall if it overlaps the wall's surface beyond the wall's end,
+    or if its centre is behind the surface. It gets no contact, because this would begin
+    with a large force, and it remains past the wall until it is clear of the surface.
+    This is recorded in `past_bits`. A sphere of a body that leans on a curved wall does
+    not become past the wall, because it may slide from that wall onto this one.
 
     Parameters
     ----------
     gap : float
-        Gap to the surface of the wall or of its continuation [m].
+        Gap to the surface of the wall, which is continued beyond the wall's end [m]. It
+        is negative for an overlap.
     distance_beyond : float
-        How far the sphere is beyond the end of the wall [m].
+        How far the sphere is beyond the end of the wall [m]; negative on the wall.
     radius : float
         Radius of the sphere [m].
     past_bits : array (1,)
@@ -241,17 +254,20 @@ def find_free_distance(gap, distance_beyond, radius, past_bits, sphere, is_leani
     sphere : int
         Index of the sphere.
     is_leaning : bool
-        Whether the body touches a wall of this kind.
+        Whether the body leans on a curved wall: one of its spheres touches a cone, tube
+        or ring. It is False in a search of a plane.
     """
-    # The sphere is clear of the surface.
+    # The sphere is clear of the surface, so it is no longer past the wall.
     if gap > 0.0:
         clear_bit(past_bits, sphere)
         return gap
-    # How far the sphere is beyond the wall's end, or its centre behind the surface
+    # Take the larger of two distances: that beyond the wall's end, and that of the
+    # centre behind the surface. If neither is positive, the sphere touches the wall.
     distance_outside = max(distance_beyond, -gap - radius)
     if distance_outside > 0.0 and not is_leaning:
         set_bit(past_bits, sphere)
-    # A sphere that is past the wall must first become clear of the surface.
+    # A sphere that is past the wall must move by its overlap to become clear. Otherwise
+    # it touches the wall (0.0), or must first move onto the wall.
     return -gap if is_set(past_bits, sphere) else max(distance_outside, 0.0)
 
 
@@ -275,11 +291,13 @@ def find_touching_spheres(touching_bits, i):
 
 @inlined
 def record_sphere_slide_off(bodies, contacts, walls, k):
-    """Record that the sphere of contact k slid over the end of a cone or ring.
+    """Let a sphere that slid over the end of a curved wall touch the next wall.
 
-    The sphere may touch the next wall. Therefore it is no longer marked as past the
-    other walls, and these are searched in the next step. The function changes
-    `past_bits` and `limit`.
+    The sphere is that of contact k. If the bit of a sphere is set in
+    `contacts.past_bits`, the sphere is past the wall: it overlaps the wall's surface
+    beyond the wall's end or from behind, and no contact begins. The bit is cleared
+    here, because the sphere may slide onto any of these walls. They are searched in the
+    next step: `contacts.limit` is the path of the body at which the next search is due.
 
     Parameters
     ----------
@@ -294,13 +312,15 @@ def record_sphere_slide_off(bodies, contacts, walls, k):
     """
     # Each wall of this kind that the sphere was past may be the next wall.
     i = contacts.body[k]
+    # For clumps, the feature of a contact is the index of the sphere.
     sphere = contacts.feature[k]
     for wall in range(contacts.limit.shape[0]):
         # The slice is a view of one word, because `clear_bit` takes a row of words.
         past_bits = contacts.past_bits[wall, i : i + 1]
         if is_set(past_bits, sphere):
             clear_bit(past_bits, sphere)
-            # The limit becomes the present displacement, so the search is due.
+            # The limit becomes the present path, the displacement of the body plus that
+            # of the walls, so the search is due.
             contacts.limit[wall, i] = (
                 bodies.displacement[i] + walls.approach[state.WALL_PATH]
             )
@@ -319,9 +339,12 @@ def find_sphere_wall_contacts(
     sphere_scratch,
     geometry,
 ):
-    """Find the spheres of body i that begin to touch a plane, cone or ring.
+    """Find the spheres of body i that begin to touch a wall, and add their contacts.
 
-    A contact is added for each of them.
+    The wall is a plane, cone, tube or ring. A sphere that overlaps the wall's surface
+    beyond the wall's end or from behind is past the wall. It gets no contact until it
+    is clear of the surface. The function updates the bits in `contacts.past_bits` that
+    mark these spheres, and adds to `contacts` and `counts`.
 
     Parameters
     ----------
@@ -330,7 +353,8 @@ def find_sphere_wall_contacts(
     contacts : WallContacts
         The list of contacts with walls of one kind.
     length_index : int
-        Index in `counts` of the length of this list: state.N_PLANE or state.N_CURVED.
+        Index in `counts` of the length of this list. It also says which kind of wall is
+        searched: state.N_PLANE or state.N_CURVED.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     walls : Walls
@@ -352,18 +376,22 @@ def find_sphere_wall_contacts(
         How far the body may move before the next search [m].
     """
     shortest_distance = math.inf
+    # Bits of the spheres that touch any cone, tube or ring. In a search of a plane they
+    # are not needed.
     if length_index == state.N_CURVED:
         touching_bits = find_touching_spheres(contacts.touching_bits, i)
     else:
         touching_bits = np.uint64(0)
-    # The body leans on a curved wall that it touches. Its other spheres may slide from
-    # that wall onto this one.
+    # A body leans on the curved walls that it touches. Its other spheres may slide from
+    # these walls onto this one.
     is_leaning = touching_bits != np.uint64(0)
     for sphere in range(clumps.sizes[clumps.shape[i]]):
         # A sphere that touches the wall already has a contact. The slice is a view of
         # one word, because `is_set` takes a row of words.
         if is_set(contacts.touching_bits[wall, i : i + 1], sphere):
             continue
+        # Compute the contact that the sphere would have, and how far it is beyond the
+        # wall's end.
         x, y, z = read_sphere_centre(sphere_scratch, SPHERES_A, sphere)
         radius = read_sphere_radius(sphere_scratch, SPHERES_A, sphere)
         if length_index == state.N_CURVED:
@@ -377,7 +405,9 @@ def find_sphere_wall_contacts(
         # Bits that mark the spheres of the body that are past this wall
         past_bits = contacts.past_bits[wall, i : i + 1]
         if (touching_bits >> np.uint64(sphere)) & np.uint64(1) != np.uint64(0):
-            # The sphere touches another wall and may slide from it onto this wall.
+            # The sphere itself touches another curved wall and may slide from it onto
+            # this one. `touching_bits` is a single word, for which `is_set` cannot be
+            # used.
             clear_bit(past_bits, sphere)
         free_distance = find_free_distance(
             geometry[contact_geometry.GAP],
@@ -387,13 +417,15 @@ def find_sphere_wall_contacts(
             sphere,
             is_leaning,
         )
+        # The sphere does not touch the wall yet.
         if free_distance > 0.0:
             shortest_distance = min(shortest_distance, free_distance)
             continue
         k = add_sphere_wall_contact(
             contacts, counts, length_index, clumps, i, wall, sphere, geometry
         )
-        # The contact with a plane stores a copy of the plane.
+        # The contact with a plane stores a copy of the plane. If the list is full, k is
+        # -1.
         if length_index == state.N_PLANE and k >= 0:
             write_plane(contacts.data[k // LANES], k % LANES, walls.planes[wall])
     return shortest_distance
@@ -491,8 +523,10 @@ def follow_sphere_contact(
 ):
     """Follow contact k of a clump's sphere with a mesh by one step.
 
-    This is `meshes.follow_feature_contact` with the sphere as the body. The arm of
-    `geometry` begins at the centre of the clump, not at that of the sphere.
+    The sphere is treated as a body of its own by `meshes.follow_feature_contact`.
+    Afterwards, the arm in `geometry`, which is the vector to the contact point, is
+    shifted so that it begins at the centre of the clump. Contact k is lane k % LANES of
+    tile k // LANES.
 
     Parameters
     ----------
@@ -501,7 +535,7 @@ def follow_sphere_contact(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     mesh_contacts : WallContacts
         The contacts with meshes.
     clumps : Clumps
@@ -524,7 +558,8 @@ def follow_sphere_contact(
     """
     contacts = contacts_by_sphere(mesh_contacts, clumps)
     frame = mesh_frame(walls, mesh_contacts.wall[k])
-    # The sphere in the frame of the mesh
+    # Find the sphere's centre and radius in the contact's tile, and write the sphere to
+    # `local_row` in the frame of the mesh.
     tile = mesh_contacts.data[k // LANES]
     lane = k % LANES
     row = bodies.rows[mesh_contacts.body[k]]
@@ -534,7 +569,8 @@ def follow_sphere_contact(
     write_sphere_as_body(
         walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row
     )
-    # The sphere is followed as a body of one ellipsoid.
+    # Follow the sphere as a body of one ellipsoid: the third argument is its number of
+    # ellipsoids.
     contact_continues = follow_feature_contact(
         local_row,
         radius,
@@ -571,6 +607,11 @@ def find_sphere_mesh_contacts(
 ):
     """Find the spheres of body i that begin to touch a mesh, and add their contacts.
 
+    The search treats each sphere as a body of its own, with the index MOST_SPHERES * i
+    + sphere. `Clumps.mesh_sphere` holds this index for each contact, and
+    `contacts_by_sphere` returns the list of contacts with these indices in place of
+    those of bodies.
+
     Parameters
     ----------
     bodies : Bodies
@@ -582,7 +623,7 @@ def find_sphere_mesh_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     mesh, i : int
@@ -602,7 +643,8 @@ def find_sphere_mesh_contacts(
     n_contacts = counts[state.N_MESHED]
     contacts = contacts_by_sphere(mesh_contacts, clumps)
     # Update features and normals of the body's contacts, so that the search does not
-    # find these contacts again as new ones.
+    # find these contacts again as new ones. The end gap 0.0 has no effect, because the
+    # result is not used.
     for k in range(n_contacts):
         if mesh_contacts.body[k] == i and mesh_contacts.wall[k] == mesh:
             follow_sphere_contact(
@@ -632,7 +674,8 @@ def find_sphere_mesh_contacts(
         write_sphere_as_body(walls, frame, x, y, z, radius, local_row)
         # Contacts from this index on belong to this sphere.
         n_before = counts[state.N_MESHED]
-        # The search needs a single index for the sphere, like the index of a body.
+        # The search needs a single index for the sphere, like the index of a body. The
+        # argument 1 is the number of ellipsoids.
         sphere_index = MOST_SPHERES * i + sphere
         free_distance = search_mesh(
             local_row,
@@ -647,8 +690,9 @@ def find_sphere_mesh_contacts(
             geometry,
         )
         shortest_distance = min(shortest_distance, free_distance)
-        # The search wrote this index to `mesh_sphere`. Now write the body of the new
-        # contacts.
+        # In a new contact, the search wrote the sphere's index to `contacts.body`,
+        # which is the array `Clumps.mesh_sphere`. Write the body's index and the sphere
+        # itself to the list.
         for k in range(n_before, counts[state.N_MESHED]):
             mesh_contacts.body[k] = i
             write_contact_sphere(mesh_contacts, clumps, k, i, sphere)

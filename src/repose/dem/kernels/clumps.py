@@ -201,7 +201,8 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     Parameters
     ----------
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     clumps : Clumps
@@ -253,7 +254,8 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     Parameters
     ----------
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     clumps : Clumps
@@ -290,7 +292,8 @@ def add_entry(pairs, counts, grid, i, j):
     Parameters
     ----------
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
@@ -323,7 +326,8 @@ def drop_entry(pairs, counts, grid, entry, ghost):
     Parameters
     ----------
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
@@ -352,7 +356,8 @@ def chain_entries(pairs, counts, grid, ghost):
     Parameters
     ----------
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
@@ -385,7 +390,8 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid

@@ -99,10 +99,12 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, n_lanes):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
@@ -132,10 +134,12 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, n_lanes)
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     contacts : WallContacts
         The list of contacts with walls of one kind.

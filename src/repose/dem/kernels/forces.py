@@ -65,8 +65,9 @@ def add_forces_to_loads(load, body_indices, base, scratch, first_row):
     base : int
         Position of the tile's first contact in `body_indices`.
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     first_row : int
         First row of the forces in the tile: tile.TO_A or tile.TO_B.
     """
@@ -175,8 +176,9 @@ def fill_law_constants(scratch, physics, material_a, material_b):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     material_a, material_b : int
@@ -197,8 +199,9 @@ def fill_lane_law_constants(scratch, lane, physics, material_a, material_b):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     physics : Physics
@@ -243,10 +246,12 @@ def apply_force_laws(scratch, history, physics, clumps, on_wall):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
@@ -281,7 +286,8 @@ def separation_gap(history, physics, clumps, on_wall, lane):
     Parameters
     ----------
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
@@ -304,10 +310,12 @@ def write_pair_geometry(scratch, history, parts, clumps):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     parts : int
         Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
@@ -341,8 +349,9 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     share : int
         Index of the share: the first index of `bodies.load`.
     begin, end : int
@@ -412,8 +421,9 @@ def write_still_wall(scratch):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     """
     for lane in range(LANES):
         for column in range(state.SHAPE):
@@ -539,8 +549,9 @@ def compute_wall_forces(
     base, n_contacts : int
         Index of the tile's first contact, and number of contacts in the list.
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     """
     history = contacts.data[base // LANES]
     write_wall_laws_and_motion(
@@ -582,8 +593,9 @@ def add_wall_forces_to_loads(
     base, n_contacts : int
         Index of the tile's first contact, and number of contacts in the list.
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     """
     add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch)
     # Contacts with walls are added to the first share of the loads.
@@ -659,10 +671,12 @@ def write_plane_geometry(scratch, history, parts, clumps):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     parts : int
         Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
@@ -699,8 +713,9 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     ghost : int
         Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
@@ -828,10 +843,12 @@ def write_contact_to_lane(scratch, history, lane, geometry):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
@@ -878,8 +895,9 @@ def update_curved_contact(
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     k : int
@@ -963,8 +981,9 @@ def add_curved_wall_forces(
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     geometry : array (8,)
         Working memory for one contact (`contact_geometry`). It is overwritten.
     local_row : array
@@ -1057,7 +1076,7 @@ def update_mesh_contact(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     n_contacts, k : int
@@ -1133,14 +1152,15 @@ def add_mesh_forces(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     geometry, other_geometry : array (8,)
         Working memory for two contacts (`contact_geometry`). It is overwritten.
     local_row : array

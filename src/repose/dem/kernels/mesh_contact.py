@@ -127,9 +127,10 @@ def write_face_contact(row, parts, face, geometry):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     face : array
         The row of the face in `Meshes.data`.
     geometry : array (8,)
@@ -201,9 +202,10 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     nx, ny, nz, ux, uy, uz : float
@@ -246,9 +248,10 @@ def edge_values(row, parts, edge, angle):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     angle : float
@@ -267,9 +270,10 @@ def write_edge_contact(row, parts, edge, angle, geometry):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     angle : float
@@ -347,9 +351,10 @@ def solve_edge(row, parts, edge, geometry):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     geometry : array (8,)
@@ -414,9 +419,10 @@ def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     vertex : array
         The row of the vertex in `Meshes.data`.
     nx, ny, nz : float
@@ -452,11 +458,14 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
-    meshes, feature : Meshes, int
-        The features, and the number of the vertex.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
+    meshes : Meshes
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
+    feature : int
+        Index of the vertex among all features.
     nx, ny, nz : float
         Unit normal n.
     geometry : array (8,)
@@ -526,11 +535,14 @@ def solve_vertex(row, parts, meshes, feature, geometry):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
-    meshes, feature : Meshes, int
-        The features, and the number of the vertex.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
+    meshes : Meshes
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
+    feature : int
+        Index of the vertex among all features.
     geometry : array (8,)
         Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
@@ -589,11 +601,14 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
-    meshes, feature : Meshes, int
-        The features, and the number of this one.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
+    meshes : Meshes
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
+    feature : int
+        Index of the feature.
     radius : float
         Bounding radius of the body [m]: the distance of its farthest point from its
         centre.

@@ -62,7 +62,7 @@ def meet_in_gentle_kink(meshes, face, other):
     Parameters
     ----------
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     face, other : int
         Indices of the two features.
     """
@@ -81,8 +81,10 @@ def has_contact_with_feature(contacts, meshes, n_contacts, body, feature, ignore
 
     Parameters
     ----------
-    contacts, meshes : WallContacts, Meshes
-        The list of contacts with meshes, and the features.
+    contacts : WallContacts
+        The list of contacts with meshes.
+    meshes : Meshes
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     n_contacts : int
         Number of contacts in the list.
     body, feature : int
@@ -107,7 +109,7 @@ def cell_range(meshes, mesh, axis, low, high):
     Parameters
     ----------
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     mesh, axis : int
         Index of the mesh, and the axis: 0, 1 or 2.
     low, high : float
@@ -128,7 +130,7 @@ def cells_in_box(meshes, mesh, x, y, z, half_x, half_y, half_z):
     Parameters
     ----------
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     mesh : int
         Index of the mesh.
     x, y, z : float
@@ -170,11 +172,15 @@ def distance_from_box(row, parts, meshes, mesh):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
-    meshes, mesh : Meshes, int
-        The features with the boxes of all meshes, and the index of the mesh.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
+    meshes : Meshes
+        The features of all meshes, with the bounding box of each mesh
+        (`features.Meshes`).
+    mesh : int
+        Index of the mesh.
     """
     distance = 0.0
     for axis in range(3):
@@ -204,12 +210,16 @@ def add_feature_contact_if_new(
     ----------
     row : array
         Row of the body, or of a clump's sphere, in the frame of the mesh.
-    contacts, counts : WallContacts, array
-        The list of contacts with meshes, and the lengths of all lists.
+    contacts : WallContacts
+        The list of contacts with meshes.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters, at indices such as `state.N_MESHED`.
     parts : int
         Number of ellipsoids in the body; SPHERES (-1) for a sphere.
-    walls, meshes : Walls, Meshes
-        The walls, and the features of the meshes.
+    walls : Walls
+        Shapes, positions and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     mesh, feature, i : int
         Indices of the mesh, the feature and the body.
     radius : float
@@ -256,12 +266,16 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     ----------
     row : array
         Row of the body, or of a clump's sphere, in the frame of the mesh.
-    contacts, counts : WallContacts, array
-        The list of contacts with meshes, and the lengths of all lists.
+    contacts : WallContacts
+        The list of contacts with meshes.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters, at indices such as `state.N_MESHED`.
     parts : int
         Number of ellipsoids in the body; SPHERES (-1) for a sphere.
-    walls, meshes : Walls, Meshes
-        The walls, and the features of the meshes.
+    walls : Walls
+        Shapes, positions and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     mesh, i : int
         Indices of the mesh and of the body.
     radius : float
@@ -328,14 +342,17 @@ def solve_last_feature(
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
-    contact_tile, lane : array, int
-        The contact's tile of `WallContacts.data` and its lane. The angle about an edge
-        in the tile is updated.
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
+    contact_tile : array (rows * LANES,)
+        The contact's tile of `WallContacts.data`: rows of LANES numbers, one for each
+        contact. The angle about an edge in it is updated.
+    lane : int
+        Lane of the contact in its tile, 0 to LANES - 1.
     feature : int
         Index of the feature.
     nx, ny, nz : float
@@ -394,11 +411,14 @@ def hand_over_contact(
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
-    meshes, contacts : Meshes, WallContacts
-        The features, and the list of contacts with meshes.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
+    meshes : Meshes
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
+    contacts : WallContacts
+        The list of contacts with meshes.
     n_contacts, k : int
         Number of contacts in the list, and index of this one.
     radius : float
@@ -471,11 +491,14 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
-    meshes, contacts : Meshes, WallContacts
-        The features, and the list of contacts with meshes.
+    row : array
+        The body in the frame of the mesh, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
+    meshes : Meshes
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
+    contacts : WallContacts
+        The list of contacts with meshes.
     k : int
         Index of the contact in its list.
     geometry : array (8,)
@@ -522,10 +545,14 @@ def follow_feature_contact(
         Bounding radius of the body [m].
     parts : int
         Number of ellipsoids in the body, or SPHERES.
-    walls, frame : Walls, int
-        The walls, and the index of the frame of the mesh.
-    meshes, contacts : Meshes, WallContacts
-        The features of the meshes, and the list of contacts with meshes.
+    walls : Walls
+        Shapes, positions and motion of all walls (`state.Walls`).
+    frame : int
+        Index of the frame of the mesh in `Walls.frames`.
+    meshes : Meshes
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
+    contacts : WallContacts
+        The list of contacts with meshes.
     n_contacts, k : int
         Number of contacts in the list, and index of this one.
     end_gap : float
@@ -605,7 +632,7 @@ def follow_mesh_contact(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     contacts : WallContacts
         The list of contacts with meshes.
     n_contacts, k : int
@@ -671,7 +698,7 @@ def refresh_mesh_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     contacts : WallContacts
         The list of contacts with meshes.
     counts : array (COUNTS,) of int
@@ -728,7 +755,7 @@ def find_body_mesh_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int

@@ -55,8 +55,9 @@ def move_centres(scratch, gx, gy, gz, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     gx, gy, gz : float
         Acceleration of gravity [m/s2].
     dt : float
@@ -91,11 +92,13 @@ def add_paths_and_count_events(
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     displacement : array (bodies,)
         `Bodies.displacement` [m], which is updated.
     first_body : int
@@ -133,8 +136,9 @@ def longest_path(scratch):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     """
     half = LANES // 2
     while half > 0:
@@ -159,11 +163,13 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     motion : array (MOTION_ROWS * LANES,)
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
-        the same bodies. The module `state` names the rows.
+        LANES bodies, one body in each lane: `motion[row + lane]`. The module `state`
+        names the rows.
     lane : int
         Lane of the body in both tiles.
     i : int
@@ -230,8 +236,9 @@ def sum_loads(bodies, tile_number, scratch):
     tile_number : int
         Index of the tile.
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     """
     first_body = tile_number * LANES
     for index in range(state.LOAD_COLUMNS * LANES):
@@ -265,8 +272,9 @@ def move_single_load(bodies, tile_number, scratch):
     tile_number : int
         Index of the tile.
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     """
     first_body = tile_number * LANES
     load = bodies.load[0]
@@ -321,8 +329,9 @@ def scatter_rows(bodies, first_body, scratch, n_columns):
     first_body : int
         Index of the tile's first body.
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     n_columns : int
         Number of columns, a multiple of WIDTH.
     """
@@ -355,8 +364,9 @@ def integrate(bodies, counts, physics, scratch, begin, end):
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     begin, end : int
         First body of the range, and its end. `begin` is the first body of a tile; `end`
         may be larger than the number of bodies.
@@ -448,8 +458,9 @@ def write_body_shape(bodies, i, parts, scratch):
         Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES bodies. A quantity of one body is
-        `scratch[row + lane]`; the module `body_tile` names the rows.
+        Scratch tile of LANES bodies. A row holds one quantity of all these bodies, and
+        a lane is one body: `scratch[row + lane]`. The module `body_tile` names the
+        rows.
     """
     motion = bodies.motion[i // LANES]
     lane = i % LANES

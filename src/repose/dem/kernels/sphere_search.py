@@ -209,7 +209,8 @@ def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     entry, i, j : int
         Index of the entry, and its two bodies.
     skin : float
@@ -240,7 +241,8 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
@@ -399,7 +401,8 @@ def drop_watched_pair(pairs, entry, slot):
     Parameters
     ----------
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     entry : int
         Index of the entry.
     slot : int
@@ -428,7 +431,8 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     clumps : Clumps
@@ -468,7 +472,8 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
@@ -516,7 +521,8 @@ def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
@@ -550,7 +556,8 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
-        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+        Contacts of two spheres, and entries (`clumps.SpherePairs`). An entry is a
+        listed pair of clumps that are near each other.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     clumps : Clumps

@@ -85,8 +85,9 @@ def fill_constants(scratch, first_row, constants):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     first_row : int
         First row of the law. Constant number c is written to the row c rows after it.
     constants : array
@@ -104,8 +105,9 @@ def lane_ellipsoid_support(scratch, shape_row, lane, nx, ny, nz):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     shape_row : int
         First of the six rows with the ellipsoid's matrix (xx, xy, xz, yy, yz, zz).
     lane : int
@@ -126,17 +128,22 @@ def lane_ellipsoid_support(scratch, shape_row, lane, nx, ny, nz):
 def body_support(scratch, shape_row, parts, lane, nx, ny, nz):
     """Return support point and curvature matrix of a lane's body at the normal n.
 
-    A body is a Minkowski sum of ellipsoids, its parts, so both are sums over the parts.
+    The support point is the body's outermost point along n. A body is a Minkowski sum
+    of ellipsoids, its parts, so both results are sums over the parts. The curvature
+    matrix holds radii of curvature: in the tangent plane, its eigenvalues are the
+    principal radii of curvature of the surface at the support point.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     shape_row : int
-        First row of the first part's matrix. Each part has PART rows.
+        First row of the first part's matrix. Each part has PART rows, and a row has
+        LANES numbers.
     parts : int
-        Number of ellipsoids.
+        Number of ellipsoids, at least 1.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     nx, ny, nz : float
@@ -174,10 +181,12 @@ def write_support_of_a(scratch, history, parts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     parts : int
         Number of ellipsoids of a body.
@@ -196,17 +205,21 @@ def write_support_of_a(scratch, history, parts):
 def add_support_of_b(scratch, history, parts):
     """Combine support point and curvature of body B of each lane with those of body A.
 
-    Call `write_support_of_a` first. Writes the rows SUPPORT_A_TO_B (vector from the
-    support point of A to that of B), CURVATURE_SUM (sum of the two curvature matrices)
-    and AREA_B (product of the principal radii of curvature of B).
+    The support point of a body is its outermost point along the normal, and its
+    curvature matrix holds radii of curvature. Call `write_support_of_a` first, which
+    writes the rows SUPPORT and CURVATURE_A. Writes the rows SUPPORT_A_TO_B (vector from
+    the support point of A to that of B), CURVATURE_SUM (sum of the two curvature
+    matrices) and AREA_B (product of the principal radii of curvature of B).
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     parts : int
         Number of ellipsoids of a body.
@@ -250,24 +263,29 @@ def write_newton_step(scratch, history):
     The gap f along a normal n is the scalar product of n and the vector between the
     support points. The contact normal is the n with the largest f, where the gradient g
     of f is 0. The step s towards it is one step of Newton's method. Both g and s lie in
-    the tangent plane, where the sum C of the curvatures of both bodies is a 2 x 2
-    matrix. With T = C + f I,
+    the tangent plane, where the sum C of the curvature matrices of both bodies is a 2 x
+    2 matrix. With T = C + f I,
 
-        s = T^-1 g = (tr T g - T g) / det T
+        s = T^-1 g = (tr(T) g - T g) / det(T)
 
-    by the theorem of Cayley and Hamilton, so no tangents are needed. The gap at the new
-    normal follows from an expansion at the old one, to third order in the step.
+    by the theorem of Cayley and Hamilton, so no tangents are needed. With tr(T) = tr(C)
+    + 2 f, the numerator becomes (tr(C) + f) g - C g. The gap at the new normal follows
+    from an expansion at the old one: f + g.s / 2, with an error of third order in the
+    step.
 
-    Reads the rows of `write_support_of_a` and `add_support_of_b`; writes the rows STEP
-    [rad], GAP [m] and RADIUS (the effective radius [m]).
+    Call `write_support_of_a` and `add_support_of_b` first, whose rows are read. Writes
+    the rows STEP [rad], GAP [m] and RADIUS (the effective radius [m]). The loop has no
+    branches, so that it becomes vector code.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     """
     for lane in range(LANES):
@@ -277,14 +295,14 @@ def write_newton_step(scratch, history):
         # The gap f and its gradient g at the old normal
         gap = dot(nx, ny, nz, between_x, between_y, between_z)
         gx, gy, gz = between_x - gap * nx, between_y - gap * ny, between_z - gap * nz
-        # The effective radius sqrt(det C_A det C_B / det(C_A + C_B))
+        # The effective radius sqrt(det C_A det C_B / det(C_A + C_B)). AREA_A and AREA_B
+        # are the first two determinants, and rsqrt(x) is 1 / sqrt(x).
         curvature_determinant = radii_product(xx, xy, xz, yy, yz, zz)
         area_product = scratch[AREA_A + lane] * scratch[AREA_B + lane]
         scratch[RADIUS + lane] = area_product * rsqrt(
             area_product * curvature_determinant
         )
-        # Compute the step. If T is not definite, it is g / tr C, uphill along the
-        # gradient.
+        # Compute the step. If T is not definite, take g / tr(C) instead, a step uphill.
         trace = xx + yy + zz
         determinant = curvature_determinant + gap * (trace + gap)
         is_definite = (trace + 2.0 * gap > 0.0) & (
@@ -309,20 +327,23 @@ def write_newton_step(scratch, history):
 
 @inlined
 def write_contact_points(scratch, history):
-    """Rotate each normal by its step, and compute the contact point.
+    """Turn each normal by its step, and compute the contact point.
 
-    Call `write_newton_step` first. The contact point follows from an expansion at the
-    old normal, to second order in the step. Writes the normal (row NORMAL of
-    `history`), and the vectors from the centres of both bodies to the contact point
-    (rows RA and RB of `scratch`).
+    Call `write_newton_step` first. The step is small and perpendicular to the normal,
+    so it is added to the normal and the sum divided by its length. The contact point
+    follows from an expansion at the old normal, to second order in the step. Writes the
+    normal (row NORMAL of `history`), and the vectors from the centres of both bodies to
+    the contact point (rows RA and RB of `scratch`).
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     """
     for lane in range(LANES):
@@ -333,8 +354,8 @@ def write_contact_points(scratch, history):
         inverse = rsqrt(squared_length(nx, ny, nz))
         nx, ny, nz = inverse * nx, inverse * ny, inverse * nz
         write_vector(history, NORMAL, lane, nx, ny, nz)
-        # The step moves the support point of A by its curvature times the step. The
-        # contact lies midway between the two support points.
+        # The step moves the support point of A by its curvature matrix times the step.
+        # The contact point lies half a gap further, midway between the two surfaces.
         support_x, support_y, support_z = lane_vector(scratch, SUPPORT, lane)
         xx, xy, xz, yy, yz, zz = lane_matrix(scratch, CURVATURE_A, lane)
         half_gap = 0.5 * scratch[GAP + lane]
@@ -362,10 +383,12 @@ def write_supports(scratch, history, parts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     parts : int
         Number of ellipsoids of a body. It must be a constant in the call.
@@ -376,18 +399,22 @@ def write_supports(scratch, history, parts):
 
 @inlined
 def write_sphere_pair_geometry(scratch, history):
-    """Compute the geometry of 32 pairs of spheres, in closed form.
+    """Compute the geometry of LANES pairs of spheres, in closed form.
 
-    Writes the normal (row NORMAL of `history`), and the rows GAP, RADIUS, AREA_A,
-    AREA_B, RA and RB of `scratch`. If two centres coincide, the old normal is kept.
+    Writes the normal (row NORMAL of `history`), and the rows of `scratch`: the gap
+    (GAP), the effective radius (RADIUS), for each body the product of its two radii of
+    curvature (AREA_A, AREA_B), and the vectors from both centres to the contact point
+    (RA, RB). If two centres coincide, the old normal is kept.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     """
     for lane in range(LANES):
@@ -400,6 +427,7 @@ def write_sphere_pair_geometry(scratch, history):
             centre_b_z - centre_a_z,
         )
         distance_squared = squared_length(dx, dy, dz)
+        # Centres nearer than NEAREST do not define a normal. rsqrt(x) is 1 / sqrt(x).
         is_apart = distance_squared > NEAREST * NEAREST
         inverse_distance = rsqrt(distance_squared if is_apart else 1.0)
         nx, ny, nz = lane_vector(history, NORMAL, lane)
@@ -427,16 +455,19 @@ def write_pair_geometry(scratch, history, parts):
     """Compute gap, effective radius and contact point of each pair of smooth bodies.
 
     One Newton step from the last normal is enough, because bodies move little in a
-    step. Several short loops are faster than a single one, because the processor can
-    overlap more iterations of a short loop.
+    step. The functions called here pass their results on in rows of `scratch`, so their
+    order is fixed. Several short loops are faster than a single one, because the
+    processor can overlap more iterations of a short loop.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     parts : int
         Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
@@ -444,7 +475,8 @@ def write_pair_geometry(scratch, history, parts):
     if parts == state.SPHERES:
         write_sphere_pair_geometry(scratch, history)
         return
-    # The number of parts is a constant in each call, so that the loops are vector code.
+    # Pass the number of parts as a literal, so that the compiler can unroll the loop
+    # over the parts and vectorise the loop over the lanes.
     if parts == 1:
         write_supports(scratch, history, 1)
     elif parts == 2:
@@ -466,10 +498,12 @@ def write_support_of_sphere(scratch, history):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array (rows * LANES,)
-        Tile of the numbers that these contacts keep from step to step. The module
+        Tile of the numbers that these contacts keep from one step to the next, such as
+        their normals, one contact in each lane: `history[row + lane]`. The module
         `state` names the rows.
     """
     for lane in range(LANES):
@@ -508,21 +542,27 @@ def is_on_disc(history, lane, x, y, z, nx, ny, nz):
 def write_plane_geometry(scratch, history, parts):
     """Compute gap, effective radius and contact point of each body on a plane.
 
-    Writes the rows GAP, RADIUS and RA of `scratch`. Beyond the edge of the plane's disc
-    the gap is BEYOND, which is infinite.
+    Writes the rows GAP, RADIUS and RA of `scratch`. RA is the vector from the centre of
+    the body to the contact point. Beyond the edge of the plane's disc, the gap is
+    BEYOND, which is infinite.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     history : array
-        Tile of the contacts: the plane's normal (row NORMAL, into the wall), its OFFSET
-        along the normal, and its disc (MIDDLE, SQUARED_RADIUS).
+        Tile of the contacts, one contact in each lane. It has a copy of each contact's
+        plane: the normal into the wall (row NORMAL), its OFFSET along the normal, and
+        its disc (MIDDLE, SQUARED_RADIUS).
     parts : int
         Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     """
-    # The number of parts is a constant in each call, so that the loop is vector code.
+    # Write the rows SUPPORT (the body's outermost point along the normal) and AREA_A
+    # (the product of its radii of curvature there), which the loop below reads. The
+    # number of parts is a literal, so that the compiler can unroll and vectorise the
+    # loops.
     if parts == state.SPHERES:
         write_support_of_sphere(scratch, history)
     elif parts == 1:
@@ -545,6 +585,8 @@ def write_plane_geometry(scratch, history, parts):
         # The contact point lies midway between body and plane.
         rx, ry, rz = rx + 0.5 * gap * nx, ry + 0.5 * gap * ny, rz + 0.5 * gap * nz
         write_vector(scratch, RA, lane, rx, ry, rz)
+        # A plane has no curvature, so the effective radius is the geometric mean of the
+        # body's two radii of curvature.
         scratch[RADIUS + lane] = math.sqrt(scratch[AREA_A + lane])
         on_disc = is_on_disc(
             history, lane, centre_x + rx, centre_y + ry, centre_z + rz, nx, ny, nz
@@ -557,16 +599,20 @@ def write_torques(scratch):
     """Compute the torques on both bodies of each lane, and the force on B.
 
     Reads the force on A (row TO_A), the vectors RA and RB from the centres to the
-    contact point, and the tangential dashpot (row DASHPOT). Writes the force on B,
-    which is opposite to that on A. For both bodies, writes the torque about the centre,
-    and the dashpot times the squared length of its arm. The rolling law writes the last
-    row of a load, the budget of the rolling resistance.
+    contact point, and the tangential dashpot (row DASHPOT). From TO_A and TO_B on, the
+    tile has the loads of the two bodies, a row for each column of `Bodies.load`. Of
+    these, the function writes the force on B, which is opposite to that on A, and for
+    both bodies the torque about the centre and the dashpot times the squared length of
+    its arm. The sum of the latter over the contacts of a body tells how strongly the
+    dashpots brake its rotation. The last quantity of a load, the budget of the rolling
+    resistance, is written by the rolling law.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory of a tile of LANES contacts. A quantity of one contact is
-        `scratch[row + lane]`; the module `tile` names the rows.
+        Scratch tile of LANES contacts. A row holds one quantity of all these contacts,
+        and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
+        rows.
     """
     torque_row = state.TORQUE * LANES
     dashpots_row = state.DASHPOTS * LANES

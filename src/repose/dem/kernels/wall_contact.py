@@ -127,9 +127,10 @@ def cone_derivatives(row, parts, cone, theta):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the cone, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the cone, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     cone : array (CONE_COLUMNS,)
         The cone: a row of `Walls.cones`.
     theta : float
@@ -163,9 +164,10 @@ def climb_cone(row, parts, cone, theta):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the cone, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the cone, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     cone : array (CONE_COLUMNS,)
         The cone: a row of `Walls.cones`.
     theta : float
@@ -187,9 +189,10 @@ def write_cone_contact(row, parts, cone, theta, geometry):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the cone, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the cone, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     cone : array (CONE_COLUMNS,)
         The cone: a row of `Walls.cones`.
     theta : float
@@ -239,8 +242,10 @@ def make_ring_step(row, parts, ring, theta, nx, ny, nz):
 
     Parameters
     ----------
-    row, parts : array, int
-        The body in the frame of the ring, and its number of ellipsoids, or SPHERES.
+    row : array
+        The body in the frame of the ring, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     ring : array (RING_COLUMNS,)
         The ring: a row of `Walls.rings`.
     theta : float
@@ -347,8 +352,10 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
 
     Parameters
     ----------
-    row, parts : array, int
-        The body in the frame of the ring, and its number of ellipsoids, or SPHERES.
+    row : array
+        The body in the frame of the ring, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     ring : array (RING_COLUMNS,)
         The ring: a row of `Walls.rings`.
     theta : float
@@ -407,9 +414,10 @@ def solve_cone(row, parts, cone, theta):
 
     Parameters
     ----------
-    row, parts : array, int
-        Row of the body in the frame of the cone, with the columns of `Bodies.rows`, and
-        the body's number of ellipsoids, or SPHERES for a sphere.
+    row : array
+        The body in the frame of the cone, with the columns of `Bodies.rows`.
+    parts : int
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     cone : array (CONE_COLUMNS,)
         The cone: a row of `Walls.cones`.
     theta : float

@@ -424,7 +424,7 @@ def find_mesh_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
@@ -493,7 +493,7 @@ def find_new_mesh_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
-        The features of all meshes (`features.Meshes`).
+        The features (faces, edges and vertices) of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int

@@ -136,7 +136,10 @@ def has_contact_near(contacts, n_contacts, body, wall, theta):
 
 @inlined
 def add_wall_contact(contacts, counts, length_index, body, wall, geometry):
-    """Append a contact with a relaxed spring to a list of contacts with walls.
+    """Append a contact to a list of contacts with walls.
+
+    All rows of the contact except its normal are set to zero. In every force law, zeros
+    mean that the tangential spring is relaxed, so that it exerts no force.
 
     Parameters
     ----------
@@ -154,13 +157,16 @@ def add_wall_contact(contacts, counts, length_index, body, wall, geometry):
     Returns
     -------
     int
-        Index of the contact, or -1 if there is no room.
+        Index of the contact; -1 if the list is full. The caller must check for -1
+        before it writes to the contact.
     """
+    # This also sets `counts[FULL]` if there is no room.
     k = reserve_place(counts, length_index, contacts.body.shape[0])
     if k >= 0:
         contacts.body[k] = body
         contacts.wall[k] = wall
         nx, ny, nz = contact_geometry.normal_of(geometry)
+        # This sets the spring and all other rows to zero.
         put_contact(contacts.data, k, nx, ny, nz)
     return k
 
@@ -169,8 +175,9 @@ def add_wall_contact(contacts, counts, length_index, body, wall, geometry):
 def drop_wall_contact(contacts, counts, length_index, k, ghost):
     """Remove contact k from a list and move the last contact to its index.
 
-    The element that becomes free gets the ghost, a relaxed spring and a plane without
-    an edge, so that no force acts there.
+    The element that becomes free gets the ghost, an absent body without mass, in place
+    of its body. It also gets a relaxed spring and a plane without an edge, so that no
+    force acts there.
 
     Parameters
     ----------
@@ -193,7 +200,9 @@ def drop_wall_contact(contacts, counts, length_index, k, ghost):
     contacts.wall[k] = contacts.wall[last]
     contacts.feature[k] = contacts.feature[last]
     move_contact(contacts.data, last, k)
-    # The old element of the last contact gets the ghost, on a plane without an edge.
+    # The old element of the last contact gets the ghost, with any unit normal, on a
+    # plane without an edge. Its wall and feature are not reset, because nothing reads
+    # them.
     contacts.body[last] = ghost
     put_contact(contacts.data, last, 0.0, 0.0, 1.0)
     contacts.data[last // LANES, state.SQUARED_RADIUS + last % LANES] = math.inf
@@ -246,9 +255,13 @@ def overlap_with_other_walls(contacts, n_contacts, body, wall):
 
 @inlined
 def record_slide_off(bodies, contacts, walls, n_contacts, k, overlap):
-    """Record that contact k with a curved wall slid over the wall's end.
+    """Update a body's searches after contact k slid over the end of a curved wall.
 
-    `allowed_overlap` and `limit` of the body are changed, see `state.WallContacts`.
+    `contacts.allowed_overlap[wall, i]` is the largest overlap with which body i may
+    begin a contact with a wall. It is infinite unless the body is past the wall: it
+    overlaps the wall's surface from behind or beyond the wall's end.
+    `contacts.limit[wall, i]` is the path at which the next search for contacts is due.
+    Both are changed in place.
 
     Parameters
     ----------
@@ -268,21 +281,24 @@ def record_slide_off(bodies, contacts, walls, n_contacts, k, overlap):
     """
     wall = contacts.wall[k]
     i = contacts.body[k]
-    # A wall is searched when this path has reached its limit.
+    # The path is the displacement of the body plus that of the walls. A search of a
+    # wall is due when the path reaches `limit`.
     path = bodies.displacement[i] + walls.approach[state.WALL_PATH]
-    # Any wall may be the next one: allow this overlap, and search all walls except this
-    # one in the next step.
+    # The body may slide onto any other wall. Let it begin a contact with the overlap
+    # that it had here, and search all other walls in the next step.
     for other in range(contacts.allowed_overlap.shape[0]):
         contacts.allowed_overlap[other, i] = max(
             contacts.allowed_overlap[other, i], overlap
         )
         if other != wall:
             contacts.limit[other, i] = min(contacts.limit[other, i], path)
-    # A body that touches another wall is not past this one.
+    # Without another contact, the body is past this wall. If it slides back, it may
+    # begin a contact with the overlap that it had at the end. This overwrites the value
+    # of the loop.
     if not has_other_contact(contacts, n_contacts, i, k):
         contacts.allowed_overlap[wall, i] = overlap
-        # A second contact may have split off since the last search, so the next search
-        # comes earlier.
+        # The last search, during the contact, has set the limit this far ahead. Take it
+        # back, since a second contact may have split off since then.
         contacts.limit[wall, i] -= NEXT_SEARCH_IN_CONTACT * bounding_radius(bodies, i)
 
 
@@ -300,7 +316,13 @@ def add_contact_if_new(
     distance_moved,
     geometry,
 ):
-    """Add a contact with a curved wall to the list if it is new and may begin.
+    """Add the contact found by a search of a curved wall, or mark the body as past it.
+
+    The contact is added if it lies on the wall, if its overlap is allowed, and if the
+    list does not have it already. A body that overlaps the wall's surface from behind
+    or beyond the wall's end is past the wall. It gets no contact, because this would
+    begin with a large force. Instead, `contacts.allowed_overlap[wall, body]` becomes
+    finite. The caller must have set it to infinity before.
 
     Parameters
     ----------
@@ -320,8 +342,8 @@ def add_contact_if_new(
         Bounding radius of the body [m]: the distance of its farthest point from its
         centre.
     allowed_overlap : float
-        Largest overlap with which a contact may begin [m], see `state.WallContacts`. It
-        is infinite unless the body was past the wall before this search.
+        Largest overlap with which a contact may begin [m]. It is infinite unless the
+        previous search found that the body was past the wall.
     distance_moved : float
         How far the body may have moved since its last search [m].
     geometry : array (8,)
@@ -338,22 +360,27 @@ def add_contact_if_new(
     # Without an overlap, the body cannot touch before it has moved by the gap.
     if gap > 0.0:
         return gap
-    # A body that is past the wall may slide onto it from another wall.
+    # A body that was past the wall may slide onto it from another wall, with the
+    # overlap that it has with that wall.
     if allowed_overlap < math.inf:
         allowed_overlap = max(
             allowed_overlap, overlap_with_other_walls(contacts, n_contacts, body, wall)
         )
+    # Reject a contact beyond the wall's end, or with too large an overlap. The allowed
+    # overlap grows by the distance that the body may have moved since its last search.
     if not is_on_wall or gap < -min(
         LARGEST_NEW_OVERLAP * radius, allowed_overlap + distance_moved
     ):
-        # The body is past the wall.
+        # The body is past the wall. If it has just come there and touches no curved
+        # wall (-1 leaves no contact out), no overlap is allowed.
         if allowed_overlap == math.inf and not has_other_contact(
             contacts, n_contacts, body, -1
         ):
             allowed_overlap = 0.0
         contacts.allowed_overlap[wall, body] = allowed_overlap
         return NEXT_SEARCH_BEYOND_END * radius
-    # Add a new contact, with a relaxed spring.
+    # Add the contact unless the list already has one at this azimuth. Nothing can be
+    # written if the list is full, where k is -1.
     if not has_contact_near(contacts, n_contacts, body, wall, theta):
         normal_to_world(walls, wall, geometry)
         k = add_wall_contact(contacts, counts, state.N_CURVED, body, wall, geometry)
@@ -379,20 +406,25 @@ def search_cone(
 ):
     """Search for contacts of body i with a cone, and add those that are new.
 
-    The overlap phi depends on the angle about the cone's axis. It is computed at STARTS
-    equally spaced angles. The solver starts at each angle whose overlap is not smaller
-    than that of either neighbour.
+    The overlap phi of the body with the cone is a function of the angle about the
+    cone's axis. It is positive where the body reaches into the wall. First, it is
+    computed at STARTS equally spaced angles. The solver then starts at each angle whose
+    overlap is not smaller than that of either neighbour.
 
     Parameters
     ----------
     row : array
         The body in the frame of the cone, a row of `Bodies.rows`.
-    contacts, counts : WallContacts, array
-        The list of contacts with curved walls, and the lengths of all lists.
+    contacts : WallContacts
+        The list of contacts with curved walls.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters, at indices such as `state.N_CURVED`.
     parts : int
         Number of ellipsoids of the body.
-    walls, wall : Walls, int
-        All walls, and the index of the cone.
+    walls : Walls
+        Shapes, positions and motion of all walls (`state.Walls`).
+    wall : int
+        Index of the cone.
     i : int
         Index of the body.
     radius, allowed_overlap, distance_moved : float
@@ -411,8 +443,9 @@ def search_cone(
     """
     cone = walls.cones[wall]
     spacing = 2.0 * math.pi / state.STARTS
-    # Compute the overlap phi at equally spaced angles. Reading `row` and `cone` outside
-    # the loop would change the last bits of the result, see `jit`.
+    # Compute the overlap phi at equally spaced angles. Do not read `row` and `cone`
+    # outside the loop: the compiler would combine other products, which changes the
+    # last bits of the result (see `jit`).
     for start in range(state.STARTS):
         nx = cone[state.CONE_NORMAL_R] * COSINES[start]
         ny = cone[state.CONE_NORMAL_R] * SINES[start]
@@ -433,6 +466,7 @@ def search_cone(
             or overlap < profile[(start + 1) % state.STARTS]
         ):
             continue
+        # Find the local maximum near this angle, and compute the contact there.
         theta = solve_cone(row, parts, cone, start * spacing)
         is_on_wall = write_cone_contact(row, parts, cone, theta, geometry)
         free_distance = add_contact_if_new(
@@ -449,6 +483,8 @@ def search_cone(
             geometry,
         )
         shortest_distance = min(shortest_distance, free_distance)
+    # There is always a largest overlap, so FAR should not remain. If it did, 0.0 would
+    # repeat the search in the next step.
     return shortest_distance if shortest_distance < FAR else 0.0
 
 
@@ -469,20 +505,25 @@ def search_ring(
 ):
     """Search for contacts of body i with a ring edge, and add those that are new.
 
-    The distance between the body and the central circle of the ring is computed at
-    STARTS equally spaced angles. The solver starts at each angle whose distance is not
-    larger than that of either neighbour.
+    A ring edge is a torus about the rounded end of a wall. The distance between the
+    body and the central circle of the torus is computed at STARTS equally spaced
+    angles. The solver starts at each angle whose distance is not larger than that of
+    either neighbour.
 
     Parameters
     ----------
     row : array
         The body in the frame of the ring, a row of `Bodies.rows`.
-    contacts, counts : WallContacts, array
-        The list of contacts with curved walls, and the lengths of all lists.
+    contacts : WallContacts
+        The list of contacts with curved walls.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters, at indices such as `state.N_CURVED`.
     parts : int
         Number of ellipsoids of the body.
-    walls, wall : Walls, int
-        All walls, and the index of the ring among the curved walls, after the cones.
+    walls : Walls
+        Shapes, positions and motion of all walls (`state.Walls`).
+    wall : int
+        Index of the ring among the curved walls, where the cones come first.
     i : int
         Index of the body.
     radius, allowed_overlap, distance_moved : float
@@ -499,6 +540,7 @@ def search_ring(
     float
         How far the body may move before the next search [m].
     """
+    # Rings are numbered after the cones.
     ring = walls.rings[wall - walls.cones.shape[0]]
     # Return early if the body's bounding sphere does not reach the ring.
     x, y, z = vector_at(row, state.POSITION)
@@ -509,7 +551,7 @@ def search_ring(
     if clearance > 0.0:
         return clearance
     spacing = 2.0 * math.pi / state.STARTS
-    # The distance from points on the circle at equally spaced angles
+    # Compute the distance of the body from points on the circle at equal angles.
     for start in range(state.STARTS):
         nx, ny, nz, distance = direction_to_ring(row, ring, start)
         profile[start] = distance - extent(row, parts, nx, ny, nz)
@@ -523,7 +565,8 @@ def search_ring(
             or start_distance > profile[(start + 1) % state.STARTS]
         ):
             continue
-        # Find the point on the circle that is nearest to the body.
+        # Find the point on the circle that is nearest to the body. The solver starts
+        # from this angle and direction, and returns its own normal (nx, ny, nz).
         nx, ny, nz, _distance = direction_to_ring(row, ring, start)
         theta, nx, ny, nz = solve_ring(row, parts, ring, start * spacing, nx, ny, nz)
         is_open = write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
@@ -541,6 +584,8 @@ def search_ring(
             geometry,
         )
         shortest_distance = min(shortest_distance, free_distance)
+    # There is always a smallest distance, so FAR should not remain. If it did, 0.0
+    # would repeat the search in the next step.
     return shortest_distance if shortest_distance < FAR else 0.0
 
 
@@ -578,6 +623,11 @@ def search_plane(
 ):
     """Search for the contact of body i with a plane, and add it if the body touches.
 
+    A body is past the plane if it overlaps the plane's surface from behind, or beyond
+    the edge of its disc. It gets no contact until it is clear of the surface.
+    `plane_contacts.allowed_overlap[wall, i]` stores this as one of two values: 0.0 if
+    the body is past the plane, otherwise infinity.
+
     Parameters
     ----------
     bodies : Bodies
@@ -600,8 +650,8 @@ def search_plane(
     Returns
     -------
     float
-        How far the body may move before the next search [m]; FAR while a contact
-        lasts.
+        How far the body may move before the next search [m]. While a contact lasts,
+        this is FAR: no search is needed.
     """
     row = bodies.rows[i]
     nx, ny, nz = vector_at(plane, state.PLANE_NORMAL)
@@ -616,18 +666,20 @@ def search_plane(
         return gap
     distance = distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz)
     is_on_disc = distance <= plane[state.PLANE_RADIUS]
-    # The body is past the wall if its touching point is beyond the edge of the disc, or
-    # if its centre is behind the disc.
+    # The body is past the plane if its touching point is beyond the edge of the disc,
+    # or if its centre is behind the disc.
     if height < 0.0 or not is_on_disc:
         plane_contacts.allowed_overlap[wall, i] = 0.0
     if plane_contacts.allowed_overlap[wall, i] == 0.0:
-        # The body stays past the wall unless it slides onto the disc from a curved wall
-        # that ends there, as from a rim onto a lid. Then its overlap with the curved
-        # wall is larger than that with the disc.
+        # The body stays past the plane unless it slides onto the disc from a curved
+        # wall that ends there, as from the inside of a cylinder onto its lid. Then it
+        # overlaps the curved wall by at least as much as the disc. The -1 leaves no
+        # wall out.
         overlap = overlap_with_other_walls(
             curved_contacts, counts[state.N_CURVED], i, -1
         )
         if height < 0.0 or not is_on_disc or -gap > overlap:
+            # The body must move at least by its overlap to be clear of the surface.
             return -gap
         plane_contacts.allowed_overlap[wall, i] = math.inf
     # Add a new contact, which stores a copy of the plane.
@@ -736,10 +788,14 @@ def search_sphere(
     ----------
     row : array
         The sphere in the frame of the wall, a row of `Bodies.rows`.
-    contacts, counts : WallContacts, array
-        The list of contacts with curved walls, and the lengths of all lists.
-    walls, wall : Walls, int
-        All walls, and the index of this one.
+    contacts : WallContacts
+        The list of contacts with curved walls.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters, at indices such as `state.N_CURVED`.
+    walls : Walls
+        Shapes, positions and motion of all walls (`state.Walls`).
+    wall : int
+        Index among the curved walls: cones and tubes first, then rings.
     i : int
         Index of the body.
     radius, allowed_overlap, distance_moved : float
@@ -784,6 +840,12 @@ def search_curved_wall(
 ):
     """Search for contacts of smooth body i with a cone or ring.
 
+    A smooth body is a sphere or a sum of ellipsoids, not a clump. The search decides
+    again whether the body is past the wall: it overlaps the wall's surface from behind
+    or beyond the wall's end, and may not begin a contact. Therefore `allowed_overlap`
+    of body and wall is reset to infinity, which means that the body is not past the
+    wall. `add_contact_if_new` makes it finite again if it is.
+
     Parameters
     ----------
     bodies : Bodies
@@ -813,12 +875,16 @@ def search_curved_wall(
     profile = scratch.profile
     geometry = scratch.geometry
     radius = bounding_radius(bodies, i)
-    # The allowed overlap grows by the distance moved since the last search. A body that
-    # is past a wall is searched again after NEXT_SEARCH_BEYOND_END.
+    # If the last search found the body past the wall, its limit is the path at that
+    # search plus NEXT_SEARCH_BEYOND_END * radius. So this is how far the body has moved
+    # since then. Otherwise the distance has no effect, because the allowed overlap is
+    # infinite.
     allowed_overlap = curved_contacts.allowed_overlap[wall, i]
     distance_moved = (
         path - curved_contacts.limit[wall, i] + NEXT_SEARCH_BEYOND_END * radius
     )
+    # From here on, the body counts as not past the wall, unless the search below finds
+    # that it is.
     curved_contacts.allowed_overlap[wall, i] = math.inf
     row = row_in_wall_frame(walls, wall, bodies.rows[i], parts, scratch.local_row)
     if parts == state.SPHERES:
@@ -834,6 +900,7 @@ def search_curved_wall(
             distance_moved,
             geometry,
         )
+    # Cones and tubes are numbered before rings.
     if wall < walls.cones.shape[0]:
         return search_cone(
             row,
@@ -871,9 +938,13 @@ def follow_wall_contact(
 ):
     """Follow a contact of a smooth body with a cone or ring by one time step.
 
-    The solver starts from the last azimuth and normal. A body moves so little in a time
-    step that FOLLOWING_STEPS Newton steps are enough. Their number is fixed, without a
-    test for convergence, so that every contact takes the same time.
+    The solver starts from the azimuth (the angle theta about the wall's axis) of the
+    last step, and for a ring also from the last normal. A body moves so little in a
+    time step that FOLLOWING_STEPS Newton steps are enough. Their number is fixed,
+    without a test for convergence, so that every contact takes the same time.
+
+    The function writes the azimuth to the tile, and the contact to `geometry`. The
+    caller writes the new normal to the tile.
 
     Parameters
     ----------
@@ -881,11 +952,15 @@ def follow_wall_contact(
         Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     row : array
         The body: a row of `Bodies.rows`, whose columns `state` names.
-    walls, wall : Walls, int
-        The walls, and the index of this one: cones and tubes first, then rings.
-    contact_tile, lane : array, int
-        The contact's tile of `WallContacts.data` and its lane. The azimuth in the tile
-        is updated.
+    walls : Walls
+        Shapes, positions and motion of all walls (`state.Walls`).
+    wall : int
+        Index among the curved walls: cones and tubes first, then rings.
+    contact_tile : array (rows * LANES,)
+        The contact's tile of `WallContacts.data`: rows of LANES numbers, one for each
+        contact. The azimuth in it is updated.
+    lane : int
+        Lane of the contact in its tile, 0 to LANES - 1.
     geometry : array (8,)
         Overwritten with the contact (`contact_geometry`) in world axes.
     local_row : array
@@ -894,11 +969,12 @@ def follow_wall_contact(
     Returns
     -------
     bool
-        Whether the contact lies on the wall.
+        Whether the contact lies on the wall, not beyond its end.
     """
     n_cones = walls.cones.shape[0]
     theta = contact_tile[state.AZIMUTH + lane]
     row = row_in_wall_frame(walls, wall, row, parts, local_row)
+    # A sphere has a closed solution, which needs no azimuth.
     if parts == state.SPHERES:
         is_on_wall = write_sphere_body_contact(row, walls, wall, geometry)
     elif wall < n_cones:
@@ -908,13 +984,16 @@ def follow_wall_contact(
         is_on_wall = write_cone_contact(row, parts, cone, theta, geometry)
     else:
         ring = walls.rings[wall - n_cones]
-        # Here `lane_vector` would change the last bits of the result, see `jit`.
+        # Read the last normal number by number. With `lane_vector` the compiler would
+        # combine other products, which changes the last bits of the result (see `jit`).
         first = state.NORMAL + lane
         nx, ny, nz = (
             contact_tile[first],
             contact_tile[first + LANES],
             contact_tile[first + 2 * LANES],
         )
+        # The tile has the normal in world axes. Rotate it into the wall's frame if this
+        # differs from the world's.
         if walls.displaced[wall]:
             nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
         for _ in range(FOLLOWING_STEPS):

@@ -75,7 +75,9 @@ def kernel(
     law : namedtuple
         Options of the law. This law does not use them.
     scratch, history : numpy.ndarray
-        The tiles of 32 contacts, one in each lane, see `law.rolling_resistance`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.rolling_resistance`.
     first : int
         Index in `history` at which the rows of the law begin. This law has none.
     dt : float

@@ -236,7 +236,8 @@ def compute_plastic_forces(
     ----------
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     last_circle, plastic : int
         Indices at which two rows of `history` begin: the radius of the contact circle
         in the previous step [m], and the plastic overlap [m].
@@ -293,11 +294,13 @@ def compute_forces(
     ----------
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     spring : int
         Index in `history` at which the three rows of the tangential spring begin.
     tension, friction_limit : int
-        Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
+        The options of the law as integers: a value of `law.TENSIONS` (how a contact
+        ends) and of `law.FRICTION_LIMITS` (which force limits friction).
     """
     for lane in range(LANES):
         circle = scratch[tile.CIRCLE + lane]
@@ -340,7 +343,8 @@ def kernel(
         The options of the law.
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float

@@ -224,7 +224,9 @@ def compute_torques(
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        The tiles of 32 contacts, one in each lane, see `law.rolling_resistance`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.rolling_resistance`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float

@@ -274,11 +274,13 @@ def compute_forces(
     scratch : numpy.ndarray
         Working memory of this step for 32 contacts, one in each lane.
     history : numpy.ndarray
-        The values that the contacts keep from step to step.
+        Tile of the numbers that the contacts keep from one step to the next, laid out
+        like `scratch`.
     spring : int
         Index in `history` at which the three rows of the spring begin.
     tension, friction_limit : int
-        Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
+        The options of the law as integers: a value of `law.TENSIONS` (how a contact
+        ends) and of `law.FRICTION_LIMITS` (which force limits friction).
     """
     for lane in range(LANES):
         gap = scratch[tile.GAP + lane]
@@ -323,7 +325,8 @@ def kernel(
         The options of the law.
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float

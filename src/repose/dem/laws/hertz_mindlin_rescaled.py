@@ -59,7 +59,8 @@ def rescale_springs(
     ----------
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     spring, last_circle : int
         Indices at which rows of `history` begin: the three rows of the spring, and the
         radius of the contact circle in the previous step [m]. The radius is updated.
@@ -86,7 +87,8 @@ def kernel(
         The options of the law.
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float

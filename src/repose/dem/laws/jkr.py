@@ -232,7 +232,8 @@ def begin_cohesion(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
     ----------
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     root : int
         Index in `history` at which the row ROOT begins.
     """
@@ -260,7 +261,8 @@ def compute_cohesive_contacts(
     ----------
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     root, reach : int
         Indices at which the rows ROOT and REACH of `history` begin: the square root of
         the unit A, 0 without cohesion, and the gap at which the contact ends [m].
@@ -330,11 +332,13 @@ def compute_forces(
     ----------
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     spring : int
         Index in `history` at which the three rows of the tangential spring begin.
     tension, friction_limit : int
-        Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
+        The options of the law as integers: a value of `law.TENSIONS` (how a contact
+        ends) and of `law.FRICTION_LIMITS` (which force limits friction).
     """
     for lane in range(LANES):
         viscous, pull_off = scratch[VISCOUS + lane], scratch[PULL_OFF + lane]
@@ -375,7 +379,8 @@ def kernel(
         The options of the law.
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float
@@ -396,7 +401,8 @@ def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
     law : namedtuple
         Options of the law. This law does not use them.
     history : numpy.ndarray
-        The values that the contacts keep from step to step.
+        Tile of the numbers that the contacts keep from one step to the next, laid out
+        like `scratch`.
     first : int
         Index in `history` at which the rows of the law begin.
     lane : int

@@ -147,7 +147,8 @@ def add_cohesion(scratch: np.ndarray, history: np.ndarray) -> None:
     ----------
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     """
     for lane in range(LANES):
         gap = scratch[tile.GAP + lane]
@@ -172,7 +173,8 @@ def kernel(
         The options of the law.
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
-        keep from step to step. See `law.contact_forces`.
+        keep from one step to the next. A row holds one quantity of all contacts, and a
+        lane is one contact: `scratch[row + lane]`. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float

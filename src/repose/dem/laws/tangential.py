@@ -68,7 +68,8 @@ def update_springs(
         and the normal velocity of A relative to B [m/s] are written to the rows V and
         VN.
     history : numpy.ndarray
-        The values that the contacts keep from step to step.
+        Tile of the numbers that the contacts keep from one step to the next, laid out
+        like `scratch`.
     spring : int
         Index in `history` at which the three rows of the spring begin.
     dt : float
@@ -135,7 +136,8 @@ def compute_normal_forces(
     elastic, damped : float
         The elastic part of the normal force, and the total force with damping [N].
     tension, friction_limit : int
-        Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
+        The options of the law as integers: a value of `law.TENSIONS` (how a contact
+        ends) and of `law.FRICTION_LIMITS` (which force limits friction).
 
     Returns
     -------
@@ -172,7 +174,8 @@ def write_forces(
         Working memory of this step for 32 contacts. The row V has the tangential
         velocity.
     history : numpy.ndarray
-        The values that the contacts keep from step to step.
+        Tile of the numbers that the contacts keep from one step to the next, laid out
+        like `scratch`.
     spring : int
         Index in `history` at which the three rows of the spring begin.
     lane : int
