@@ -98,8 +98,8 @@ def yield_processor(typingctx):
 def wait_for_all(counters, n_threads):
     """Wait until all threads have called this function.
 
-    Threads that arrive early wait for the next round. The last thread to arrive resets
-    the counter of arrivals and begins this round.
+    The last thread to arrive resets the counter of arrivals and begins the next round.
+    The other threads wait until they see the new round.
 
     Parameters
     ----------
@@ -110,10 +110,12 @@ def wait_for_all(counters, n_threads):
     """
     if n_threads == 1:
         return
-    # Read the round before arriving, because the last arrival begins the next one.
+    # Read the round before arriving, because the last arrival begins the next round.
     this_round = atomic_load(counters, ROUND)
     n_arrived_before = atomic_add(counters, ARRIVED, 1)
     if n_arrived_before == n_threads - 1:
+        # Reset the counter before the round changes. A thread that sees the new round
+        # may arrive at the next barrier at once.
         atomic_add(counters, ARRIVED, -n_threads)
         atomic_add(counters, ROUND, 1)
         return

@@ -195,8 +195,10 @@ def pair_bit(clumps, a, b):
 def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     """Append the contact of sphere a of body i with sphere b of body j.
 
-    The spring of the contact is relaxed. The function does nothing if the list is full,
-    except that it sets `counts[FULL]`.
+    The contact begins with a relaxed tangential spring. Contact k is lane k % LANES of
+    tile k // LANES of `pairs.data`; a row of a tile holds one quantity of LANES
+    contacts. The list of contacts, the entry and its bits must agree, so they are
+    changed together. If the list is full, the function only sets `counts[FULL]`.
 
     Parameters
     ----------
@@ -221,12 +223,16 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     pairs.entry[k] = entry
     pairs.spheres[k, 0] = a
     pairs.spheres[k, 1] = b
-    # The entry has one more contact, and records that the two spheres touch.
+    # The entry has one contact more, and a bit for these two spheres says that they
+    # touch.
     pairs.n_contacts[entry] += 1
     set_bit(pairs.touching_bits[entry], pair_bit(clumps, a, b))
-    # The normal is (0, 0, 1) until the geometry is computed.
+    # Set the spring and all other rows to zero. The normal is (0, 0, 1) until the
+    # geometry is computed.
     put_contact(pairs.data, k, 0.0, 0.0, 1.0)
-    # The contact stores the centres and radii of its spheres.
+    # The contact stores the centres and radii of its spheres, in the axes of their
+    # bodies. The row REACH is the sum of the radii, and the row CURVATURE the effective
+    # radius.
     tile = pairs.data[k // LANES]
     lane = k % LANES
     spheres_a = clumps.spheres[clumps.shape[i]]
@@ -247,9 +253,10 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
 def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     """Remove contact k of two spheres from its entry and from the list.
 
-    The last contact moves to index k. Two ghosts are written to the element that
-    becomes free. No force acts between them, since their spheres have the same centre
-    but no radius, and the rows of the force law are zero.
+    The last contact moves to index k, in all arrays of the list. The element that
+    becomes free gets the ghost, a body without mass that never moves, as both of its
+    bodies. No force acts between the two ghosts: they have the same centre, and all
+    rows of the element except the normal are set to zero, also the radii.
 
     Parameters
     ----------
@@ -266,7 +273,7 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
         Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
-    # The entry has one contact less.
+    # The entry has one contact fewer, and the bit of these two spheres is cleared.
     entry = pairs.entry[k]
     pairs.n_contacts[entry] -= 1
     a = np.int64(pairs.spheres[k, 0])
@@ -280,14 +287,18 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     pairs.spheres[k, 0] = pairs.spheres[last, 0]
     pairs.spheres[k, 1] = pairs.spheres[last, 1]
     move_contact(pairs.data, last, k)
-    # Ghosts are written to the old element of the last contact.
+    # The old element of the last contact gets two ghosts, and any unit normal.
     write_pair(pairs.first, pairs.second, last, ghost, ghost)
     put_contact(pairs.data, last, 0.0, 0.0, 1.0)
 
 
 @inlined
 def add_entry(pairs, counts, grid, i, j):
-    """Add an entry of bodies i and j in a hole or at the end of the list.
+    """Add an entry of bodies i and j, in a hole or at the end of the list.
+
+    Entries keep their indices, because contacts refer to them. An entry that is removed
+    leaves a hole, an unused element of the list, whose index is in `pairs.free`. If the
+    list is full, the function sets `counts[FULL]`.
 
     Parameters
     ----------
@@ -304,9 +315,10 @@ def add_entry(pairs, counts, grid, i, j):
     Returns
     -------
     int
-        Index of the entry, or -1 if there is no room.
+        Index of the entry, or -1 if there is no room. The caller must check for -1.
     """
-    # use a hole if there is one
+    # Use a hole if there is one. `counts[N_NEAR]` includes the holes, so it does not
+    # change.
     if counts[state.N_FREE] > 0:
         counts[state.N_FREE] -= 1
         entry = pairs.free[counts[state.N_FREE]]
@@ -347,11 +359,12 @@ def drop_entry(pairs, counts, grid, entry, ghost):
 
 @kernel
 def chain_entries(pairs, counts, grid, ghost):
-    """Make the chain of partners of each body in `Grid.moved_list` from its entries.
+    """List the bodies with which each body in `Grid.moved_list` has an entry.
 
-    The chain of a body is a linked list of the bodies with which it has an entry, see
-    `neighbours.chain_partner`. The loop runs backwards from the end of the list, and
-    ends when all links have been made.
+    The list of a body is a linked list, called a chain, see `neighbours.chain_partner`.
+    The loop runs backwards from the end of the list, and ends when all links have been
+    made. `chain_partner` makes as many links as `count_pairs_of_moved` has counted, so
+    `entry` never becomes less than -1. The chains must be empty before the call.
 
     Parameters
     ----------
@@ -367,13 +380,15 @@ def chain_entries(pairs, counts, grid, ghost):
         lists hold this index.
     """
     n_links = count_pairs_of_moved(grid.near, grid, counts)
+    # Number of links made so far, which is the index of the next one
     n_used = 0
     entry = counts[state.N_NEAR] - 1
     while n_used < n_links:
+        # The index is unsigned, see `neighbours.find_next_due`.
         i = pairs.near_first[np.uint64(entry)]
         j = pairs.near_second[np.uint64(entry)]
         entry -= 1
-        # Skip a hole in the list.
+        # Skip a hole, an unused element of the list, which holds the ghost.
         if i == ghost:
             continue
         # Add a link for each of i and j that is in the list of moved bodies.
@@ -384,6 +399,10 @@ def chain_entries(pairs, counts, grid, ghost):
 @kernel
 def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     """Remove the contacts and entries of the bodies that are gone.
+
+    A body is gone if it has fallen below the floor. An entry is a listed pair of clumps
+    that are near each other, and a contact is a pair of touching spheres. Contacts are
+    removed first, because an entry may only be removed when it has no contacts.
 
     Parameters
     ----------
@@ -411,7 +430,7 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
             or presence[pairs.second[k]] != state.PRESENT
         ):
             drop_sphere_contact(pairs, counts, clumps, k, ghost)
-    # The removed entries remain in the list as holes.
+    # A removed entry remains in the list as a hole, which holds the ghost.
     for entry in range(counts[state.N_NEAR]):
         i = pairs.near_first[entry]
         j = pairs.near_second[entry]

@@ -34,7 +34,8 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
 
     f is the gap of two bodies along the normal. This is a step of Newton's method on
     the unit sphere, in the tangent plane. If the Hessian is not definite, it is a
-    scaled gradient step instead. A step longer than LONGEST_STEP is cut.
+    scaled gradient step instead. A step longer than LONGEST_STEP is shortened to this
+    length.
 
     Parameters
     ----------
@@ -51,11 +52,13 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
         The step in the tangent plane [rad].
     """
     trace = xx + yy + zz
-    determinant = radii_product(xx, xy, xz, yy, yz, zz) + f * (trace + f)  # of C + f I
+    # The determinant of C + f I in the tangent plane. `radii_product` is that of C.
+    determinant = radii_product(xx, xy, xz, yy, yz, zz) + f * (trace + f)
     if trace + 2.0 * f > 0.0 and determinant > LEAST_DETERMINANT * trace * trace:
         # The step is T^-1 g. T = C + f I is a 2 x 2 matrix in the tangent plane, so by
-        # the theorem of Cayley and Hamilton T^-1 g = (tr T g - T g) / det T. No
-        # tangents are needed.
+        # the theorem of Cayley and Hamilton T^-1 g = (tr(T) g - T g) / det(T). With
+        # tr(T) = tr(C) + 2 f, the numerator is (tr(C) + f) g - C g. No tangents are
+        # needed.
         inverse = 1.0 / determinant
         gradient_factor = trace + f
         sx = inverse * (gradient_factor * gx - xx * gx - xy * gy - xz * gz)

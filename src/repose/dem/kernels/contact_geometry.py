@@ -37,7 +37,8 @@ def write_contact(
     """Write the contact of a body to `geometry`, from the body's support point.
 
     The support point is the body's outermost point along the normal n. The contact
-    point lies half a gap further, midway between the two surfaces.
+    point lies half a gap further, midway between the two surfaces. Its vector from the
+    body's centre, the lever arm, is written from the column ARM on.
 
     Parameters
     ----------
@@ -49,7 +50,8 @@ def write_contact(
         Distance of the two surfaces (negative for an overlap), and effective radius R*
         [m].
     extent, along_u, along_w : float
-        Components of the support point along n, u and w, from the body's centre [m].
+        The support point relative to the body's centre: its components along n, u and w
+        [m].
     ux, uy, uz, wx, wy, wz : float
         Unit tangents u and w.
     """

@@ -37,8 +37,10 @@ from .rows import LANES, lane_matrix, lane_vector
 def write_mobility(scratch, history, body_row, arm_row, parts, kept_share):
     """Write or add the velocity that a unit impulse gives to each contact point.
 
-    Impulse and velocity are along the normal n. If m is the mass of the body, J its
-    inverse inertia, and r the contact point relative to its centre, the velocity is
+    This mobility of one body is written to, or added to, the row INVERSE_MASS of
+    `scratch`: the sum over both bodies is the inverse of the effective mass. Impulse
+    and velocity are along the normal n. If m is the mass of the body, J its inverse
+    inertia, and r the contact point relative to its centre, the velocity is
 
         1 / m + (r x n) . J (r x n)
 
@@ -164,16 +166,19 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, n_lanes)
 
 @inlined
 def mark_spheres_on_meshes(meshed, mesh_sphere, n_contacts):
-    """Mark which spheres of each clump touch each mesh, as bits of `meshed.known`.
+    """Mark which spheres of each clump touch each mesh, in `meshed.touching_bits`.
 
-    A sphere has a single bit, even if it touches a mesh at several points.
+    Each pair of a mesh and a body has one 64-bit word there, with a bit for each sphere
+    of the body. A sphere has a single bit, even if it touches a mesh at several points.
 
     Parameters
     ----------
     meshed : WallContacts
-        The contacts with meshes. The first n are read, and `known` is overwritten.
+        The contacts with meshes. The first `n_contacts` are read, and the words of
+        their meshes and bodies are overwritten.
     mesh_sphere : array
-        For each contact, body * MOST_SPHERES + sphere, where both are indices.
+        `Clumps.mesh_sphere`: for each contact, body * MOST_SPHERES + sphere, where both
+        are indices.
     n_contacts : int
         Number of contacts.
     """

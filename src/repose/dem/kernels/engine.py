@@ -121,7 +121,11 @@ def process_wall_contacts(
 ):
     """Find the contacts with walls, and add their forces to the loads of the bodies.
 
-    If the user requested the loads on the walls, the forces are added to these, too.
+    If the user requested the loads on the walls, the forces are added to these, too (in
+    `walls.loads`). Contacts with planes (`flat`), curved walls (`curved`) and meshes
+    (`meshed`) are in separate lists. `meshes` is an empty tuple if no wall is a mesh.
+    The length of a tuple is part of its type, so the code for meshes is then not
+    compiled.
 
     Parameters
     ----------
@@ -151,7 +155,7 @@ def process_wall_contacts(
     other_geometry = scratch.other_geometry
     local_row = scratch.local_row
     parts = physics.parts
-    # Find new contacts. Without a mesh, the code for meshes is not compiled.
+    # Find new contacts.
     find_new_wall_contacts(
         bodies,
         flat,
@@ -167,9 +171,9 @@ def process_wall_contacts(
         find_new_mesh_contacts(
             bodies, meshed, clumps, walls, meshes, counts, parts, scratch
         )
-    # Prepare the tile for walls that stand still and have a single material, the last
-    # one. If walls move or have several materials, this is overwritten for each tile of
-    # contacts.
+    # Prepare the tile for the simplest case: all walls stand still and have one
+    # material, which is the last of all materials. In other cases,
+    # `compute_wall_forces` overwrites this for each tile of contacts.
     write_still_wall(contact_tile)
     fill_law_constants(contact_tile, physics, 0, physics.law_constants.shape[0] - 1)
     # Add the forces, one kind of wall after another.
@@ -207,9 +211,11 @@ def process_wall_contacts(
 def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
     """Update the lists of pairs that touch and of pairs that are near.
 
-    Near pairs are checked if their bodies have moved enough to close the gap. Those
-    that touch become contacts. Then new near pairs are found for bodies that have moved
-    by half a skin.
+    Near pairs are pairs whose gap was below the skin at the last search. They are
+    checked if their bodies have moved enough to close the gap. Those that touch become
+    contacts. Then new near pairs are found for bodies that have moved by half a skin.
+    `clumps` is an empty tuple if the bodies are smooth; this is part of its type, so
+    numba compiles only one of the branches.
 
     Parameters
     ----------
@@ -310,8 +316,10 @@ def advance(
 ):
     """Advance a simulation by a number of steps, or by fewer if a list is nearly full.
 
-    In this case, the caller lengthens the lists and calls this function again for the
-    remaining steps.
+    In this case, the caller (`Simulation._advance`) lengthens the lists and calls this
+    function again for the remaining steps. The order within a step is fixed: the pairs
+    are updated before their forces are computed, and bodies move only after all forces
+    have been added to their loads.
 
     Parameters
     ----------
@@ -346,7 +354,8 @@ def advance(
     int
         Number of steps made.
     """
-    # `grid.cell` has an entry for each body. The next index is that of the absent body.
+    # `grid.cell` has an element for each body. The next index is the ghost: an absent
+    # body without mass, which fills unused elements of the lists.
     ghost = grid.cell.shape[0]
     scratch = state.split_scratch(scratch_numbers)
     for step in range(n_steps):

@@ -12,9 +12,9 @@ a tuple is part of its type, so numba compiles only the branch for the bodies of
 simulation. The modules `tile`, `walls` and `meshes` compute the geometry of contacts of
 smooth bodies, and `clump_tile` and `clump_walls` that of contacts of a clump's spheres.
 
-`history` is a tile of the numbers that contacts keep from step to step. `contacts` is a
-list of contacts with walls: `flat` with planes, `curved` with curved walls, `meshed`
-with meshes.
+`history` is a tile of the numbers that contacts keep from one step to the next.
+`contacts` is a list of contacts with walls: `flat` with planes, `curved` with curved
+walls, `meshed` with meshes.
 
 Reads `Bodies.rows`, the walls and `Physics`. Writes `Bodies.load` and `Bodies.touched`,
 the tiles `data` of the contacts, their `ended` and `gap`, the limits of contacts with
@@ -59,7 +59,8 @@ def add_forces_to_loads(load, body_indices, base, scratch, first_row):
     Parameters
     ----------
     load : array (bodies, LOAD_COLUMNS)
-        One share of `Bodies.load`. The forces and torques are added to it.
+        One of the arrays of partial sums in `Bodies.load`. The forces and torques are
+        added to it.
     body_indices : array of int
         The bodies of all contacts. Lane k of the tile has body body_indices[base + k].
     base : int
@@ -101,7 +102,9 @@ def gather_bodies(rows, body_indices, base, scratch, first_row):
 def mark_loads_as_nonzero(bodies, share, body_indices, base):
     """Mark in `bodies.touched` that the loads of a tile's bodies may differ from zero.
 
-    Loads that are not marked are skipped when the shares are summed.
+    `bodies.load` has several arrays of partial sums, called shares, which are added up
+    at the end of the step. Loads that are not marked are zero and are skipped in this
+    sum.
 
     Parameters
     ----------
@@ -440,8 +443,9 @@ def write_wall_laws_and_motion(
 ):
     """Write the law constants and the motion of a tile's walls to the scratch tile.
 
-    If all walls stand still and have a single material, nothing is written. The tile
-    then keeps what `write_still_wall` and `fill_law_constants` have written.
+    The walls are the bodies B of these contacts. If all walls stand still and have a
+    single material, nothing is written. The tile then keeps what `write_still_wall` and
+    `fill_law_constants` have written at the beginning of the step.
 
     Parameters
     ----------
@@ -460,6 +464,7 @@ def write_wall_laws_and_motion(
     scratch : array
         Scratch tile of LANES contacts (rows of `tile`); the walls are its bodies B.
     """
+    # `approach[WALLS_MOVE]` is 1.0 if any wall moves, otherwise 0.0.
     if not (physics.mixed_walls or walls.approach[state.WALLS_MOVE] > 0.0):
         return
     for lane in range(LANES):
@@ -476,7 +481,8 @@ def write_wall_laws_and_motion(
                     scratch, lane, physics, material, walls.material[wall]
                 )
             # The velocity of a rotating wall depends on the position of the contact
-            # point.
+            # point: the centre of body A (the first three rows from tile.A on) plus the
+            # arm RA.
             x = scratch[tile.A + lane] + scratch[tile.RA + lane]
             y = scratch[tile.A + LANES + lane] + scratch[tile.RA + LANES + lane]
             z = scratch[tile.A + 2 * LANES + lane] + scratch[tile.RA + 2 * LANES + lane]
@@ -529,8 +535,10 @@ def compute_wall_forces(
 ):
     """Compute the forces of a tile of contacts with walls, from their geometry.
 
-    Writes the forces to the rows TO_A of `scratch`, and updates the numbers that the
-    contacts keep in `contacts.data`.
+    The geometry must have been written to `scratch` before. Writes the forces to the
+    rows TO_A of `scratch`, and updates the numbers that the contacts keep in
+    `contacts.data`, such as their springs. The order of the calls matters: the laws
+    read what the calls before them write to the tile.
 
     Parameters
     ----------
@@ -566,8 +574,10 @@ def compute_wall_forces(
         base,
         min(LANES, n_contacts - base),
     )
-    # Only the body limits the share of the dashpot that acts, since walls have no
-    # share.
+    # The tangential dashpots of a body may be so strong that together they would
+    # reverse its rotation in one step. Therefore each body allows only a fraction of
+    # them to act (row SHARE). In a contact with a wall, this is the fraction of the
+    # body A.
     share_row = state.share_column(physics.parts) * LANES
     for lane in range(LANES):
         scratch[tile.SHARE + lane] = scratch[tile.A + share_row + lane]
@@ -695,8 +705,9 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
     """Compute the forces of all contacts with planes and add them to the loads.
 
     Adds to `bodies.load`, and to `walls.loads` if the user requested it. Overwrites
-    `scratch`, and updates what the contacts keep (`flat.data`). Contacts that have
-    ended are removed, and searched for again when the gap may have closed.
+    `scratch`, and updates the numbers that the contacts keep in `flat.data`. Contacts
+    that have ended are removed, and a new search for them is scheduled for the time at
+    which the gap may have closed.
 
     Parameters
     ----------
@@ -721,8 +732,8 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
         lists hold this index.
     """
     n_contacts = counts[state.N_PLANE]
-    # A large simulation has several shares of the loads, and does not fit into the
-    # caches.
+    # Only a large simulation divides its loads into several arrays of partial sums.
+    # Such a simulation does not fit into the caches, so prefetching pays.
     is_large = bodies.load.shape[0] > 1
     n_ended = 0
     for base in range(0, n_contacts, LANES):
@@ -732,6 +743,7 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
         # Copy the bodies into the tile, and compute the geometry and the forces.
         gather_bodies(bodies.rows, flat.body, base, scratch, tile.A)
         write_plane_geometry(scratch, history, physics.parts, clumps)
+        # The 0 is the index of the first plane among all walls.
         compute_wall_forces(
             bodies, flat, clumps, walls, physics, 0, base, n_contacts, scratch
         )
@@ -741,8 +753,9 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
                 gap = scratch[tile.GAP + lane]
                 if gap > separation_gap(history, physics, clumps, ON_WALL, lane):
                     clear_lane(scratch, lane)
-                    # A body beyond the edge of a disc may touch the disc after any
-                    # motion.
+                    # Beyond the edge of a disc the gap is BEYOND, which is infinite.
+                    # Such a body may touch the disc after any motion, so it is searched
+                    # for in the next step.
                     distance_left = gap if gap < tile.BEYOND else 0.0
                     schedule_wall_search(
                         bodies, flat, walls, base + lane, distance_left
@@ -880,7 +893,8 @@ def update_curved_contact(
 ):
     """Update contact k with a cone, tube or ring; return whether it ended.
 
-    Writes the geometry of the contact to its lane of both tiles.
+    Contact k is in the lane `lane` of its tile. The function writes the normal to the
+    tile of `curved.data`, and the other geometry to `scratch`.
 
     Parameters
     ----------
@@ -916,6 +930,9 @@ def update_curved_contact(
     """
     history = curved.data[k // LANES]
     row = bodies.rows[curved.body[k]]
+    # Smooth bodies: the solver continues from the last step. The contact keeps its gap,
+    # because `overlap_with_other_walls` reads it. The contact of a single sphere cannot
+    # have a duplicate.
     if len(clumps) == 0:
         is_on_wall = follow_wall_contact(
             physics.parts,
@@ -935,7 +952,8 @@ def update_curved_contact(
             or not is_on_wall
             or (physics.parts != state.SPHERES and is_duplicate(curved, k))
         )
-    # Do the same for the sphere of a clump, whose centre lies at the end of the arm.
+    # Clumps: compute the contact of a sphere, whose centre lies at the end of the arm,
+    # in closed form. Then let the arm of the contact point begin at the clump's centre.
     arm_x, arm_y, arm_z = sphere_arm(row, history, lane)
     x, y, z = vector_at(row, state.POSITION)
     distance_beyond = write_sphere_contact_in_world(
@@ -962,9 +980,10 @@ def add_curved_wall_forces(
 ):
     """Compute the forces of all contacts with curved walls and add them to the loads.
 
-    Adds to `bodies.load`, and to `walls.loads` if the user requested it. Overwrites
-    `scratch`, and updates what the contacts keep (`curved.data`). Contacts that have
-    ended are removed, and searched for again in the next step.
+    Curved walls are cones, tubes and rings. Adds to `bodies.load`, and to `walls.loads`
+    if the user requested it. Overwrites `scratch`, and updates the numbers that the
+    contacts keep in `curved.data`. Contacts that have ended are removed, and the walls
+    are searched for new ones in the next step.
 
     Parameters
     ----------
@@ -1018,10 +1037,13 @@ def add_curved_wall_forces(
                 curved.ended[n_ended] = k
                 n_ended += 1
                 # If a contact ended with an overlap, the body slid over the end of the
-                # wall.
+                # wall. It is then past the wall: it may not begin a new contact there
+                # until it is clear of the wall's surface.
                 if scratch[tile.GAP + lane] <= 0.0:
                     depth = -scratch[tile.GAP + lane]
                     mark_past_end(bodies, curved, clumps, walls, n_contacts, k, depth)
+                # The force laws compute all lanes. With this large gap they give no
+                # force.
                 scratch[tile.GAP + lane] = GAP_WITHOUT_FORCE
         compute_wall_forces(
             bodies,
@@ -1034,7 +1056,8 @@ def add_curved_wall_forces(
             n_contacts,
             scratch,
         )
-        # Contacts that have ended exert no force, and are searched for again.
+        # Clear the lanes of contacts that have ended, and let the next step search the
+        # wall again: the distance left is 0.0.
         for lane in range(n_lanes):
             if scratch[tile.GAP + lane] > separation_gap(
                 history, physics, clumps, ON_WALL, lane

@@ -109,8 +109,9 @@ def mesh_frame(walls, mesh):
 def write_row_in_frame(row, parts, frame, local_row):
     """Transform position and shape of a body to a frame, and write them to another row.
 
-    Each ellipsoid of the body has a symmetric matrix S of six columns: xx, xy, xz, yy,
-    yz, zz. In the frame it is R' S R, with the rotation R of the frame.
+    The shape of a sphere is its radius. Any other body has a symmetric matrix S for
+    each of its ellipsoids, stored as six columns: xx, xy, xz, yy, yz, zz. In the frame
+    it is R' S R, with the rotation R of the frame.
 
     Parameters
     ----------
@@ -124,10 +125,13 @@ def write_row_in_frame(row, parts, frame, local_row):
         Overwritten with position and shape. Its other columns keep their values.
     """
     x, y, z = vector_at(row, state.POSITION)
+    # A position is shifted and rotated into the frame, while `into_frame` only rotates
+    # a vector.
     x, y, z = place_in_frame(frame, x, y, z)
     set_vector(local_row, state.POSITION, x, y, z)
     if parts == SPHERES:
         local_row[state.SPHERE_RADIUS] = row[state.SPHERE_RADIUS]
+    # For a sphere, `parts` is -1, so this loop does nothing.
     for part in range(parts):
         # R' S: rotate the three columns of S into the frame.
         first = SHAPE + PART * part
@@ -221,9 +225,10 @@ def rotate_frame(frame, angle, ux, uy, uz):
 def move_walls(walls, dt):
     """Move all moving walls by one time step.
 
-    A wall rotates about its pivot, and the pivot moves. Writes the planes or frames of
-    these walls, their pivots, and the distance by which any wall may have approached a
-    body (`walls.approach`).
+    A wall rotates about its pivot, and the pivot moves with the wall's velocity. The
+    function writes the planes or frames of these walls and their pivots. It also adds
+    to `walls.approach[WALL_PATH]`, the distance by which any wall may have approached a
+    body until now.
 
     Parameters
     ----------
@@ -237,8 +242,8 @@ def move_walls(walls, dt):
     for wall in range(walls.moves.shape[0]):
         if walls.moves[wall] == 0:
             continue
-        # The wall rotates by an angle about the unit vector u. Without a rotation, u is
-        # zero.
+        # The wall rotates by an angle about the unit vector u. Without a rotation, both
+        # are zero, and `rotate_vector` changes nothing.
         motion = walls.motion[wall]
         omega_x, omega_y, omega_z = vector_at(motion, state.WALL_SPIN)
         rate = math.sqrt(omega_x**2 + omega_y**2 + omega_z**2)
@@ -249,8 +254,9 @@ def move_walls(walls, dt):
             omega_z * inverse_rate,
         )
         angle = rate * dt
-        # A plane is moved itself, while another wall is moved by its frame. In both,
-        # the first three columns are a point of the wall.
+        # A plane is moved itself, any other wall by its frame. In both, the first three
+        # columns are a point of the wall. Rotate the arm from the pivot to this point
+        # before the pivot moves.
         surface = planes[wall] if wall < n_planes else walls.frames[wall - n_planes]
         pivot_x, pivot_y, pivot_z = vector_at(motion, state.WALL_PIVOT)
         arm_x, arm_y, arm_z = rotate_vector(
@@ -275,6 +281,7 @@ def move_walls(walls, dt):
             set_vector(surface, state.PLANE_NORMAL, nx, ny, nz)
         else:
             rotate_frame(surface, angle, ux, uy, uz)
+    # WALL_SPEED bounds the speed with which any wall approaches a body.
     walls.approach[state.WALL_PATH] += dt * walls.approach[state.WALL_SPEED]
 
 
@@ -304,7 +311,9 @@ def move_plane_contacts(flat, walls, n_contacts):
 def write_plane(history, lane, plane):
     """Write normal, offset, centre and squared radius of a plane to a contact's lane.
 
-    The offset is the distance of the plane from the origin along its normal.
+    The offset is the signed distance of the plane from the origin along its normal. A
+    row of the tile holds one quantity of LANES contacts, so component `axis` of a
+    vector is in the row LANES * axis after the first one.
 
     Parameters
     ----------
@@ -317,6 +326,7 @@ def write_plane(history, lane, plane):
         The row of `Walls.planes`.
     """
     offset = 0.0
+    # PLANE_POINT, the point of the plane, is the centre of its disc (row MIDDLE).
     for axis in range(3):
         normal = plane[state.PLANE_NORMAL + axis]
         point = plane[state.PLANE_POINT + axis]
@@ -333,7 +343,9 @@ def add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch):
     """Add the forces of a tile of contacts to `walls.loads`, if the user requested it.
 
     The load of a wall is a row of `walls.loads`, six numbers: the force of all its
-    contacts on it, and their torque about the origin of the world.
+    contacts on it, and their torque about the origin of the world. The array is empty
+    if nobody requested the loads. In the tile, body A is the body and B the wall, and
+    the rows from TO_A and TO_B on hold the force and the torque on each.
 
     Parameters
     ----------
@@ -350,6 +362,7 @@ def add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch):
     scratch : array
         Scratch tile of the contacts (rows of `tile`) with the forces on the bodies.
     """
+    # The user has not requested the loads.
     if walls.loads.shape[0] == 0:
         return
     for lane in range(min(LANES, n_contacts - base)):
@@ -357,7 +370,8 @@ def add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch):
         # The force on the wall is opposite to the force on the body.
         force_x, force_y, force_z = lane_vector(scratch, tile.TO_A, lane)
         fx, fy, fz = -force_x, -force_y, -force_z
-        # The arm of a wall is zero, so its torque is only the couple of a rolling law.
+        # The tile has no arm for a wall, so the torque on B is only the couple of a
+        # rolling law. It is already the one that acts on the wall.
         torque_row = tile.TO_B + state.TORQUE * LANES
         couple_x, couple_y, couple_z = lane_vector(scratch, torque_row, lane)
         # The contact point is the body's centre plus the arm.

@@ -96,14 +96,18 @@ def multiply_by_shape(row, part, x, y, z):
 
 @inlined
 def extent(row, parts, nx, ny, nz):
-    """Return the support value h(n) of a body, its extent along n [m].
+    """Return how far a body extends from its centre along a unit vector n [m].
+
+    This is the support value h(n). A body is a Minkowski sum of ellipsoids, so its
+    support value is the sum of theirs. Each ellipsoid has a symmetric matrix S, whose
+    eigenvalues are the squared semi-axes.
 
     Parameters
     ----------
     row : array
         The body: a row of `Bodies.rows`. The module `state` names its columns.
     parts : int
-        Number of ellipsoids in the body, or SPHERES for a sphere.
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     nx, ny, nz : float
         Unit vector n.
     """
@@ -212,12 +216,17 @@ def radii_product(xx, xy, xz, yy, yz, zz):
 def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     """Return support value, support point and curvature of a body along n.
 
+    The support point is the body's outermost point along n. A body is a Minkowski sum
+    of ellipsoids, its parts, so all results are sums over the parts. The curvature
+    matrix Q holds radii of curvature: its eigenvalues are the principal radii of the
+    surface at the support point.
+
     Parameters
     ----------
     row : array
         The body: a row of `Bodies.rows`. The module `state` names its columns.
     parts : int
-        Number of ellipsoids in the body, or SPHERES for a sphere.
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     nx, ny, nz : float
         Unit normal n.
     ux, uy, uz, wx, wy, wz : float
@@ -243,7 +252,8 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     q_uw = 0.0
     q_ww = 0.0
     for part in range(parts):
-        # (sx, sy, sz) is the matrix S of this ellipsoid times a vector, here n.
+        # (sx, sy, sz) is the matrix S of this ellipsoid times a vector: here n, below u
+        # and w.
         sx, sy, sz = multiply_by_shape(row, part, nx, ny, nz)
         h_squared = nx * sx + ny * sy + nz * sz
         # A body with fewer parts has matrices of zeros for the missing parts.

@@ -63,8 +63,10 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
     """Return the step of a normal towards the largest gap from a vertex [rad].
 
     f is the gap between the body and the vertex along the normal. The step is one of
-    Newton's method on the unit sphere, or a scaled gradient step if the Hessian -(Q + f
-    I) is not definite. A step longer than LONGEST_STEP is shortened.
+    Newton's method on the unit sphere. There, the Hessian of f is -(Q + f I): the
+    curvature of the body's surface, and that of the sphere of normals. If it is not
+    definite, the step is the gradient divided by the trace of Q, a step uphill. A step
+    longer than LONGEST_STEP is shortened.
 
     Parameters
     ----------
@@ -80,7 +82,8 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
     step_u, step_w : float
         The step along u and w [rad].
     """
-    # The matrix A = Q + f I
+    # The matrix A = Q + f I and its determinant. The trace is that of Q, which is
+    # always positive, and gives the scale with which the determinant is compared.
     a_uu = q_uu + f
     a_ww = q_ww + f
     determinant = a_uu * a_ww - q_uw * q_uw
@@ -123,7 +126,12 @@ def blended_curvature(angle, radius):
 
 @kernel
 def write_face_contact(row, parts, face, geometry):
-    """Fill `geometry` for a body and a face of a mesh.
+    """Compute the contact of a body with a face of a mesh, and write it to `geometry`.
+
+    A face is a plane with three sides. The contact point is the body's outermost point
+    along the normal, moved to the middle of the gap. A point exactly on a side belongs
+    to only one of the two faces there: the flag STRICT of a side says that it belongs
+    to the neighbour.
 
     Parameters
     ----------
@@ -132,7 +140,7 @@ def write_face_contact(row, parts, face, geometry):
     parts : int
         Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     face : array
-        The row of the face in `Meshes.data`.
+        The face: a row of `Meshes.data`, whose columns `features` names.
     geometry : array (8,)
         Overwritten with the contact (`contact_geometry`).
 
@@ -149,20 +157,25 @@ def write_face_contact(row, parts, face, geometry):
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     gap = face[FACE_OFFSET] - (nx * x + ny * y + nz * z + h)
+    # A face is flat, so the effective radius is the geometric mean of the body's two
+    # principal radii of curvature.
     radius = math.sqrt(q_uu * q_ww - q_uw * q_uw)
     write_contact(
         geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
-    # Find the distance of the contact point from the nearest side of the triangle.
+    # Find the distance of the contact point from the nearest side of the triangle. It
+    # starts with a number larger than any distance.
     arm_x, arm_y, arm_z = arm_of(geometry)
     point_x, point_y, point_z = x + arm_x, y + arm_y, z + arm_z
     inside_distance = 1e300
     for side in range(3):
         first = SIDES + SIDE_COLUMNS * side
-        # The normal of the side, in the plane of the face and into the triangle
+        # The normal of the side, in the plane of the face and into the triangle. The
+        # column after it has the offset of the side along this normal.
         side_x, side_y, side_z = vector_at(face, first)
         depth = side_x * point_x + side_y * point_y + side_z * point_z - face[first + 3]
-        # A point exactly on a side belongs to only one of the two faces.
+        # A point on a strict side belongs to the neighbour. Any negative number says
+        # that it lies outside.
         if depth == 0.0 and face[STRICT + side] > 0.0:
             depth = -1e-300
         inside_distance = min(inside_distance, depth)
@@ -198,7 +211,11 @@ def edge_axes(edge, angle):
 
 @inlined
 def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
-    """Return `EdgeValues` for a normal n about an edge, and the body's support terms.
+    """Return the gap to an edge along a normal n, and the support terms of the body.
+
+    The normals of an edge form an arc, and the angle of n in this arc is the variable
+    of the derivatives. A turn of n by a small angle moves it towards u: n' = u, and u'
+    = -n.
 
     Parameters
     ----------
@@ -209,7 +226,8 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     nx, ny, nz, ux, uy, uz : float
-        The normal n, and the tangent u across the edge, see `edge_axes`.
+        The normal n, and the tangent u across the edge, towards which n turns
+        (`edge_axes`).
 
     Returns
     -------
@@ -229,8 +247,10 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     x, y, z = vector_at(row, POSITION)
     # (dx, dy, dz) is the vector from the body's centre to the start of the edge.
     dx, dy, dz = start_x - x, start_y - y, start_z - z
-    # The gap to the edge without its rounding, its derivative with respect to the
-    # angle, and the distance along the edge
+    # The gap f = n.d - h to the edge without its rounding (sharp), and its derivative
+    # u.(d - x) with respect to the angle, where x is the body's outermost point. The
+    # second derivative is -n.(d - x) - u.Q u, which is -(f + q_uu). Along the edge,
+    # distances are measured from its start.
     sharp_gap = nx * dx + ny * dy + nz * dz - h
     slope = ux * dx + uy * dy + uz * dz - along_u
     distance_along = along_w - (wx * dx + wy * dy + wz * dz)
@@ -266,7 +286,10 @@ def edge_values(row, parts, edge, angle):
 
 @kernel
 def write_edge_contact(row, parts, edge, angle, geometry):
-    """Fill `geometry` for a body and an edge, at the angle of the largest gap f.
+    """Compute the contact of a body with an edge, and write it to `geometry`.
+
+    The edge has an arc of normals between those of its two faces. The solver has found
+    the angle in this arc at which the gap is largest.
 
     Parameters
     ----------
@@ -277,7 +300,7 @@ def write_edge_contact(row, parts, edge, angle, geometry):
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     angle : float
-        Angle of the normal from that of the first face [rad].
+        The angle of the largest gap, measured from the normal of the first face [rad].
     geometry : array (8,)
         Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
@@ -285,7 +308,7 @@ def write_edge_contact(row, parts, edge, angle, geometry):
     Returns
     -------
     float
-        How far along the edge the contact lies [m].
+        How far along the edge the contact lies, from the start of the edge [m].
     """
     nx, ny, nz, ux, uy, uz = edge_axes(edge, angle)
     wx, wy, wz = vector_at(edge, EDGE_ALONG)
@@ -413,9 +436,11 @@ def solve_edge(row, parts, edge, geometry):
 
 @inlined
 def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
-    """Return the gap between a body and a rounded vertex along n, and a step of n.
+    """Return the gap between a body and a rounded vertex along n, and the next step of n.
 
-    The step is towards the normal of the largest gap.
+    The step leads towards the normal of the largest gap. A vertex is rounded: it is a
+    sphere with the edge radius. The gap to the sphere's centre, which is called sharp,
+    has its maximum at the same normal, so the step is computed from that.
 
     Parameters
     ----------
@@ -444,7 +469,7 @@ def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
     x, y, z = vector_at(row, POSITION)
     # (dx, dy, dz) is the vector from the body's centre to the vertex.
     dx, dy, dz = vertex_x - x, vertex_y - y, vertex_z - z
-    # The distance of the vertex from the body along n, and its gradient
+    # The gap without the rounding, and its gradient along the tangents u and w
     sharp_gap = nx * dx + ny * dy + nz * dz - h
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
     gradient_w = dx * wx + dy * wy + dz * wz - along_w
@@ -529,9 +554,12 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
 
 @kernel
 def solve_vertex(row, parts, meshes, feature, geometry):
-    """Find the maximum of f over the normals of a vertex, and fill `geometry` for it.
+    """Find the normal of a vertex with the largest gap, and fill `geometry` for it.
 
-    f(n) is the gap between the body and the vertex along the normal n.
+    f(n) is the gap between the body and the vertex along the normal n. The search
+    starts from the direction of the vertex or from the normal of one of its faces,
+    whichever has the larger gap. Then Newton's method climbs to the maximum. If it
+    needs too many steps, the best normal so far is used.
 
     Parameters
     ----------
@@ -550,16 +578,17 @@ def solve_vertex(row, parts, meshes, feature, geometry):
     Returns
     -------
     float
-        How far inside the vertex's set of normals the maximum lies, see
-        `write_vertex_contact`.
+        How far inside the vertex's set of normals the maximum lies, as a sine; negative
+        outside. See `write_vertex_contact`.
     """
     vertex = meshes.data[feature]
     # (x, y, z) is the vector from the body's centre to the vertex.
     vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
     centre_x, centre_y, centre_z = vector_at(row, POSITION)
     x, y, z = vertex_x - centre_x, vertex_y - centre_y, vertex_z - centre_z
-    # Start from the direction of the vertex, or from the face normal with the largest
-    # gap.
+    # Start from the direction of the vertex. The lower bound avoids a division by zero
+    # if the body's centre is at the vertex. These gaps leave out the rounding of the
+    # vertex, which is the same for all normals.
     inverse_length = 1.0 / max(math.sqrt(x * x + y * y + z * z), 1e-300)
     best_x, best_y, best_z = x * inverse_length, y * inverse_length, z * inverse_length
     best_gap = (
@@ -568,13 +597,16 @@ def solve_vertex(row, parts, meshes, feature, geometry):
         + z * best_z
         - extent(row, parts, best_x, best_y, best_z)
     )
+    # Compare it with the normals of the faces at the vertex.
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
         nx, ny, nz = vector_at(meshes.normals[k], 0)
         gap = x * nx + y * ny + z * nz - extent(row, parts, nx, ny, nz)
         if gap > best_gap:
             best_gap = gap
             best_x, best_y, best_z = nx, ny, nz
-    # Make Newton steps from there. Halve a step that makes the gap smaller.
+    # Make Newton steps from there. `best_gap` becomes the gap with the rounding. A step
+    # that makes the gap smaller, by more than rounding errors (DOWNHILL), is halved and
+    # tried again.
     best_gap, step_u, step_w = vertex_gap_and_step(
         row, parts, vertex, best_x, best_y, best_z
     )
@@ -597,7 +629,11 @@ def solve_vertex(row, parts, meshes, feature, geometry):
 
 @inlined
 def solve_feature(row, parts, meshes, feature, radius, geometry):
-    """Find the contact of a body with a feature of a mesh, and fill `geometry` for it.
+    """Compute the contact of a body with a feature of a mesh, and fill `geometry` for it.
+
+    A feature is a face, a convex edge or a convex vertex. If the bounding sphere of the
+    body does not reach an edge or vertex, only the gap in `geometry` is written. The
+    gap is then a lower bound.
 
     Parameters
     ----------
@@ -628,13 +664,17 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
         inside_distance = write_face_contact(row, parts, data, geometry)
+        # The contact point lies outside the triangle by -inside_distance. When the body
+        # moves by 1, it may move by 1, and slide over the body by `slide`, so this
+        # quotient is how far the body must move to touch the face.
         free_distance = max(
             geometry[contact_geometry.GAP], -inside_distance / (1.0 + meshes.slide[0])
         )
         return 0.0, inside_distance, free_distance
     is_edge = meshes.kind[feature] == EDGE
     # Return early if the body's bounding sphere does not reach the feature. (x, y, z)
-    # is the vector from the body's centre to the nearest point of the feature.
+    # is the vector from the body's centre to the nearest point of the feature. The
+    # column PLACE is the start of an edge or the position of a vertex.
     nearest_x, nearest_y, nearest_z = vector_at(data, PLACE)
     centre_x, centre_y, centre_z = vector_at(row, POSITION)
     x, y, z = nearest_x - centre_x, nearest_y - centre_y, nearest_z - centre_z
@@ -656,5 +696,6 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
             geometry[contact_geometry.GAP] = largest_gap
         return angle, inside_distance, largest_gap
     # The sine times the radius is a length, like the distances inside other features.
+    # Only its sign and rough size matter.
     sine = solve_vertex(row, parts, meshes, feature, geometry)
     return 0.0, sine * radius, geometry[contact_geometry.GAP]

@@ -168,7 +168,9 @@ def cell_index(meshes, mesh, cell_x, cell_y, cell_z):
 def distance_from_box(row, parts, meshes, mesh):
     """Return a lower bound of the distance of a body from the box of a mesh [m].
 
-    It is 0.0 if the boxes of the body and of the mesh overlap.
+    It is 0.0 if the bounding boxes of the body and of the mesh overlap. Two boxes are
+    apart by at least their gap along any axis, so the largest of these gaps is the
+    bound.
 
     Parameters
     ----------
@@ -184,7 +186,8 @@ def distance_from_box(row, parts, meshes, mesh):
     """
     distance = 0.0
     for axis in range(3):
-        # Half of the body's length along this axis
+        # Half of the body's length along this axis: its extent along the unit vector of
+        # the axis
         reach = extent(
             row,
             parts,
@@ -192,7 +195,8 @@ def distance_from_box(row, parts, meshes, mesh):
             1.0 if axis == 1 else 0.0,
             1.0 if axis == 2 else 0.0,
         )
-        # The gap between the two boxes along this axis, on either side of the mesh
+        # The gap between the two boxes along this axis, on either side of the mesh. The
+        # first three columns of a row are the position of the body.
         lower = meshes.box[mesh, axis]
         upper = meshes.box[mesh, 3 + axis]
         distance = max(distance, lower - row[axis] - reach)
@@ -204,7 +208,11 @@ def distance_from_box(row, parts, meshes, mesh):
 def add_feature_contact_if_new(
     row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, geometry
 ):
-    """Add the contact of body i with a feature of a mesh if it is new.
+    """Add the contact of body i with a feature of a mesh, unless the list has it.
+
+    A feature is a face, a convex edge or a convex vertex. No contact is added if the
+    body does not touch the feature, or if it overlaps the mesh so much that it must
+    have come from behind. The function may change `contacts` and `counts`.
 
     Parameters
     ----------
@@ -237,16 +245,19 @@ def add_feature_contact_if_new(
         row, parts, meshes, feature, radius, geometry
     )
     gap = geometry[contact_geometry.GAP]
-    # The body does not touch the feature.
+    # The body is still away from the feature, by at least `free_distance`.
     if free_distance > 0.0 and gap > 0.0:
         return free_distance
-    # The body may touch another feature, but not this one.
+    # The contact point lies outside this feature, so the body may only touch another
+    # one. Search again after a short distance.
     if inside_distance < 0.0:
         return max(free_distance, NEXT_SEARCH_BEYOND_END * radius)
     if gap < -LARGEST_NEW_OVERLAP * radius:
-        # The body is inside the mesh, not at its surface.
+        # The body is inside the mesh, not at its surface. It gets no contact.
         return max(-gap - LARGEST_NEW_OVERLAP * radius, NEXT_SEARCH_BEYOND_END * radius)
-    # Add a new contact, with a relaxed spring.
+    # Add the contact with a relaxed spring. The -1 leaves no contact out of the
+    # comparison. If the list is full, k is -1. The row AZIMUTH keeps the angle about an
+    # edge.
     if not has_contact_with_feature(
         contacts, meshes, counts[state.N_MESHED], i, feature, -1
     ):
@@ -255,12 +266,18 @@ def add_feature_contact_if_new(
         if k >= 0:
             contacts.feature[k] = feature
             contacts.data[k // LANES, state.AZIMUTH + k % LANES] = angle
+    # Search again soon, because the body may also touch neighbouring features.
     return NEXT_SEARCH_IN_CONTACT * radius
 
 
 @kernel
 def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, geometry):
     """Search for contacts of body i with a mesh, in the cells around the body.
+
+    Each mesh has a grid of cells. `meshes.items` lists the features (faces, edges and
+    vertices) in each cell, from the index `meshes.begin[cell]` on. New contacts are
+    added to `contacts` and `counts`. The arrays `meshes.seen` and `meshes.stamp`, the
+    working memory of the search, are overwritten.
 
     Parameters
     ----------
@@ -293,7 +310,8 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     if distance > 0.0:
         return distance
 
-    # Find the cells that overlap the body's box, enlarged by SEARCH_MARGIN.
+    # Find the cells that overlap the body's box, enlarged by SEARCH_MARGIN on each
+    # side. Features outside these cells are at least this margin away.
     free_distance = SEARCH_MARGIN * radius
     half_x = extent(row, parts, 1.0, 0.0, 0.0) + free_distance
     half_y = extent(row, parts, 0.0, 1.0, 0.0) + free_distance
@@ -337,8 +355,10 @@ def solve_last_feature(
 ):
     """Compute the contact with the feature of the previous step, from its last normal.
 
-    A fixed number of Newton steps is enough for the small motion in one time step, as
-    in `walls.follow_wall_contact`.
+    The feature is a face, edge or vertex of the mesh. A fixed number of Newton steps is
+    enough for the small motion in one time step, as in `walls.follow_wall_contact`. A
+    vertex starts from the last normal, an edge from the last angle in the tile, and a
+    face needs no start.
 
     Parameters
     ----------
@@ -372,7 +392,8 @@ def solve_last_feature(
     if meshes.kind[feature] == FACE:
         return write_face_contact(row, parts, data, geometry)
     if meshes.kind[feature] == EDGE:
-        # Climb along the arc of normals about the edge, from the last angle.
+        # Climb to the largest gap along the arc of normals about the edge, from the
+        # last angle.
         angle = contact_tile[state.AZIMUTH + lane]
         for _ in range(FOLLOWING_STEPS):
             angle = climb_edge(row, parts, data, angle)
@@ -383,7 +404,7 @@ def solve_last_feature(
         inside_arc = min(angle, data[EDGE_ANGLE] - angle)
         inside_ends = min(distance_along, data[EDGE_LENGTH] - distance_along)
         return min(inside_arc, inside_ends)
-    # The feature is a vertex.
+    # The feature is a vertex. The step is along the two tangents of the normal.
     for _ in range(FOLLOWING_STEPS):
         _gap, step_u, step_w = vertex_gap_and_step(row, parts, data, nx, ny, nz)
         nx, ny, nz = step_normal(nx, ny, nz, step_u, step_w)
@@ -486,8 +507,11 @@ def hand_over_contact(
 def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry):
     """Move contact k to a neighbouring face if the body overlaps that face more.
 
-    The contact must be with a face. Its neighbours are the faces that meet this face in
-    a gentle concave kink. The function changes `contacts.feature` and `geometry`.
+    The contact must be with a face. Its neighbours here are the faces that meet this
+    face in a gentle kink, a concave edge with a small angle. A body touches only the
+    one of them that it overlaps most. They are listed in `meshes.near`, in the range
+    that `meshes.span` gives for the face. The function changes `contacts.feature` and
+    `geometry`.
 
     Parameters
     ----------
@@ -510,7 +534,8 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     for index in range(meshes.span[face, 0], meshes.span[face, 1]):
         neighbour = meshes.near[index]
         data = meshes.data[neighbour]
-        # Compute the contact that the body would have with the neighbour.
+        # Compute the contact that the body would have with the neighbour. It counts if
+        # the contact point lies inside the triangle (0 or more) and the gap is smaller.
         inside_distance = write_face_contact(row, parts, data, other_geometry)
         if (
             inside_distance >= 0.0
@@ -536,6 +561,11 @@ def follow_feature_contact(
     other_geometry,
 ):
     """Follow contact k with a mesh by one time step.
+
+    A contact stays with one feature (face, edge or vertex) while it lies inside this
+    feature. Otherwise it moves, with its spring, to the feature that the body touches
+    now. The function may change `contacts.feature` and the angle about an edge in
+    `contacts.data`. The caller writes the new normal to `contacts.data`.
 
     Parameters
     ----------
@@ -569,6 +599,8 @@ def follow_feature_contact(
     """
     contact_tile = contacts.data[k // LANES]
     lane = k % LANES
+    # The last normal, rotated into the frame of the mesh if this differs from the
+    # world's
     nx, ny, nz = lane_vector(contact_tile, state.NORMAL, lane)
     if walls.displaced[frame]:
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
@@ -584,8 +616,11 @@ def follow_feature_contact(
         nz,
         geometry,
     )
+    # A negative distance means that the contact lies outside its feature.
     has_feature = inside_distance >= 0.0
     # A contact that has left its feature continues on another one, if there is one.
+    # This overwrites `geometry` and may change `contacts.feature[k]`, which is read
+    # below.
     if not has_feature:
         has_feature = hand_over_contact(
             row,
@@ -599,7 +634,8 @@ def follow_feature_contact(
             geometry,
             other_geometry,
         )
-    # If faces meet in a gentle kink, only one of them has the contact.
+    # Faces may meet in a gentle kink, a concave edge with a small angle. Of such faces,
+    # only the one with the largest overlap has the contact.
     is_face = meshes.kind[contacts.feature[k]] == FACE
     if has_feature and geometry[contact_geometry.GAP] < 0.0 and is_face:
         keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)

@@ -77,7 +77,8 @@ def remove_from_cell(grid, i):
         return
     previous = grid.preceding[i]
     following = grid.following[i]
-    # The body before it, or the head of the list, now points to the body after it.
+    # The body before it, or the head of the list, now points to the body after it. The
+    # links of body i itself stay as they are; `add_to_cell` overwrites them.
     if previous >= 0:
         grid.following[previous] = following
     else:
@@ -206,6 +207,9 @@ def reserve_place(counts, length_index, capacity):
 def drop_near_pair(pairs, counts, grid, k):
     """Remove near pair k from the list and move the last pair to its index.
 
+    A near pair is a pair of bodies that do not touch and whose gap was below the skin
+    at the last search. All arrays of the near pairs must be moved together.
+
     Parameters
     ----------
     pairs : Pairs
@@ -219,6 +223,8 @@ def drop_near_pair(pairs, counts, grid, k):
     """
     last = counts[state.N_NEAR] - 1
     counts[state.N_NEAR] = last
+    # Both bodies have one near pair fewer. This reads the pair, so it comes before the
+    # pair is overwritten.
     change_pair_counts(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
     # The last pair of the list moves to index k.
     write_pair(
@@ -229,17 +235,20 @@ def drop_near_pair(pairs, counts, grid, k):
         pairs.near_second[last],
     )
     pairs.near_limit[k] = pairs.near_limit[last]
-    pairs.near_check[k // state.BLOCK] = 0.0  # check this block of the list next time
+    # Zero is `parallel.CHANGED`: the pairs of this block of the list have changed, so
+    # that the next step must check it.
+    pairs.near_check[k // state.BLOCK] = 0.0
     for axis in range(3):
         pairs.near_normal[k, axis] = pairs.near_normal[last, axis]
 
 
 @inlined
 def add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz):
-    """Append a near pair (i, j).
+    """Append the pair (i, j) to the list of near pairs.
 
-    The pair is due for a check when the displacements of i and j add up to `limit`.
-    If the list is full, the function adds nothing and sets `counts[FULL]`.
+    The displacement of a body is an upper bound of the path of any of its points until
+    now. The pair is due for a check when the displacements of i and j add up to
+    `limit`. If the list is full, the function adds nothing and sets `counts[FULL]`.
 
     Parameters
     ----------
@@ -259,10 +268,11 @@ def add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz):
     k = reserve_place(counts, state.N_NEAR, pairs.near_limit.shape[0])
     if k < 0:
         return
+    # Both bodies have one near pair more.
     change_pair_counts(grid.near, i, j, 1)
     write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
-    # The block of this pair has changed, see `parallel`.
+    # Zero is `parallel.CHANGED`: the pairs of this block of the list have changed.
     pairs.near_check[k // state.BLOCK] = 0.0
     set_vector(pairs.near_normal[k], 0, nx, ny, nz)
 
@@ -328,7 +338,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
 def solve_near_gap(bodies, pairs, grid, parts, k, normal):
     """Compute the gap of near pair k [m], starting from its last normal.
 
-    The new normal is stored with the pair.
+    The new normal is written to `normal`, and stored with the pair for the next check.
 
     Parameters
     ----------
@@ -347,8 +357,10 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
     """
     for axis in range(3):
         normal[axis] = pairs.near_normal[k, axis]
-    # The solver may stop early above this gap, because the bodies are far enough apart.
+    # The solver may stop early when the gap exceeds this fraction of the skin, the
+    # largest gap of a near pair: the bodies are far enough apart.
     sufficient_gap = SUFFICIENT_GAP_SHARE * grid.lengths[state.SKIN]
+    # The solver reads the last normal in `normal`, and overwrites it with the new one.
     gap = solve_gap(
         bodies.rows,
         parts,
@@ -366,6 +378,10 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
 @inlined
 def check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
     """Compute the gap of near pair k, and make it a contact or give it a new limit.
+
+    The limit of a pair is the sum of the displacements of its two bodies at which it is
+    checked again. If the bodies touch, the function changes both lists of pairs and
+    `counts`.
 
     Parameters
     ----------
@@ -393,7 +409,8 @@ def check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
     i = pairs.near_first[k]
     j = pairs.near_second[k]
     gap = solve_near_gap(bodies, pairs, grid, parts, k, normal)
-    # The bodies touch, so the pair moves to the list of contacts.
+    # The bodies touch, so the pair moves to the list of contacts. The last near pair
+    # takes its place.
     if gap <= 0.0:
         drop_near_pair(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
@@ -438,7 +455,9 @@ def find_next_due(displacement, first, second, limit, begin, end):
 def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
     """Check all near pairs of smooth bodies that are due.
 
-    Those that touch become contacts, and the others get new limits.
+    A pair is due when the displacements of its two bodies have reached its limit, a sum
+    at which they may touch. Pairs that touch become contacts, and the others get new
+    limits. The list changes during the loop, so its length is read again in each round.
 
     Parameters
     ----------
@@ -462,7 +481,8 @@ def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
         bodies.displacement, first, second, limit, 0, counts[state.N_NEAR]
     )
     while k < counts[state.N_NEAR]:
-        # If the pair has left the list, another one now has its index.
+        # Go to the next pair, unless the pair has left the list. In this case the last
+        # pair now has the index k, and must be checked, too.
         if check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
             k += 1
         k = find_next_due(
@@ -496,7 +516,8 @@ def drop_near_pairs_of_moved(pairs, counts, grid):
     """Remove the near pairs of the bodies in `Grid.moved_list`.
 
     The loop runs backwards from the end of the list, where the newest pairs are, and
-    ends when all pairs of these bodies have been removed.
+    ends when all pairs of these bodies have been removed. A removed pair is replaced by
+    the last one, which the loop has already visited, so no pair is missed.
 
     Parameters
     ----------
@@ -512,7 +533,7 @@ def drop_near_pairs_of_moved(pairs, counts, grid):
     k = counts[state.N_NEAR] - 1
     while n_remaining > 0:
         pair = np.uint64(k)  # unsigned, see `find_next_due`
-        # A pair of two such bodies counts twice.
+        # A pair of two such bodies counts twice, as in `count_pairs_of_moved`.
         n_moved = is_moved[pairs.near_first[pair]] + is_moved[pairs.near_second[pair]]
         if n_moved > 0:
             n_remaining -= n_moved
@@ -554,10 +575,11 @@ def chain_partner(pairs, grid, n_used, i, j):
 
 @kernel
 def chain_contacts(pairs, counts, grid):
-    """Make a chain of the bodies that each body in `Grid.moved_list` touches.
+    """List the bodies that each body in `Grid.moved_list` touches.
 
-    With these chains (see `chain_partner`), the search for near pairs of a body can
-    skip the bodies that it touches. The chains must be empty before the call.
+    The list of a body is a linked list, called a chain, see `chain_partner`. With it,
+    the search for near pairs of a body can skip the bodies that it touches. The chains
+    must be empty before the call.
 
     Parameters
     ----------
@@ -568,9 +590,12 @@ def chain_contacts(pairs, counts, grid):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
+    # `n_used` is the number of links made so far, and the index of the next one.
     n_links = count_pairs_of_moved(grid.touching, grid, counts)
     n_used = 0
-    # Go back from the last pair until all links have been made.
+    # Go back from the last pair until all links have been made. `chain_partner` makes
+    # as many links as `count_pairs_of_moved` has counted, so k never becomes negative.
+    # The index is unsigned, see `find_next_due`.
     k = counts[state.N_PAIRS] - 1
     while n_used < n_links:
         # Add a link for each of i and j that is in the list of moved bodies.
@@ -585,7 +610,9 @@ def chain_contacts(pairs, counts, grid):
 def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
     """Add a pair of smooth bodies to the list of touching or near pairs.
 
-    A pair is added only if its gap is below the skin.
+    A pair is added only if its gap is below the skin, the largest gap of a near pair. A
+    smooth body is a sphere or a sum of ellipsoids, not a clump. `normal` is overwritten
+    with the contact normal.
 
     Parameters
     ----------
@@ -614,7 +641,8 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
     reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + skin
     if squared_distance >= reach * reach:
         return
-    # The search for the normal starts from the direction between the centres.
+    # The solver starts from the direction between the centres, in `normal`, and
+    # overwrites it with the contact normal. The centres must not coincide.
     distance = math.sqrt(squared_distance)
     set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
     gap = solve_gap(
@@ -624,6 +652,8 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
     if gap <= 0.0:
         add_contact(pairs, counts, grid, i, j, normal)
     elif gap < skin:
+        # The bodies cannot touch before they have together moved by the gap from now
+        # on.
         limit = bodies.displacement[i] + bodies.displacement[j] + gap
         nx, ny, nz = vector_at(normal, 0)
         add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz)
@@ -633,8 +663,9 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
 def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
     """Move the pairs that have parted from the touching to the near pairs.
 
-    The loop begins with the last of these pairs. The last contact of the list replaces
-    each removed one, so in this order the remaining indices stay valid.
+    Touching pair k is lane k % LANES of the tile k // LANES. The loop begins with the
+    last of the pairs that have parted. The last touching pair of the list replaces each
+    removed one, so in this order the remaining indices stay valid.
 
     Parameters
     ----------

@@ -190,7 +190,8 @@ def _sort_contacts(pairs, flat, counts):
 
     The sort key of a pair is the lower of its two body indices. As a result, contacts
     of bodies that are near in memory are also near in memory. Contacts with curved
-    walls and meshes are few, so they are not sorted.
+    walls and meshes are few, so they are not sorted. Every array of a list must be
+    passed to `sort_by_body`, or else its items no longer belong to the right pairs.
 
     Parameters
     ----------
@@ -225,7 +226,10 @@ def _sort_contacts(pairs, flat, counts):
 def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     """Renumber the bodies along the Morton curve, between two steps.
 
-    All arguments are changed in place.
+    Along this space-filling curve, bodies that are near in space get indices that are
+    near, too. The arrays of bodies, cells and contacts are changed in place, `counts`
+    is only read. The order of the steps matters: the lists of the cells are built from
+    the arrays of bodies in their new order.
 
     Parameters
     ----------
@@ -249,11 +253,12 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     old_index = np.argsort(
         compute_morton_codes(grid.cell[:n], grid.shape), kind="stable"
     )
+    # `new_index` is the inverse permutation: new_index[old_index[k]] is k.
     new_index = np.empty(n, np.int64)
     new_index[old_index] = np.arange(n)
-    # The arrays with a row or lane for each body
+    # Permute the arrays that have a row or lane for each body.
     _permute_bodies(old_index, bodies, grid, flat, curved, meshed)
-    # The lists that hold indices of bodies
+    # Replace old indices by new ones in the lists that hold indices of bodies.
     n_moved = int(counts[state.N_MOVED])
     grid.moved_list[:n_moved] = new_index[grid.moved_list[:n_moved]]
     rebuild_cell_lists(grid, n)

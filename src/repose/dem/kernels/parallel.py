@@ -132,7 +132,10 @@ def find_groups(first, second, begin, end, shift):
 
 @kernel
 def sum_group_paths(paths, groups):
-    """Return the sum of the paths of some groups [m].
+    """Return the sum of the paths of some groups of bodies [m].
+
+    The path of a group is the longest distance that any of its bodies has moved, added
+    up over some time steps.
 
     Parameters
     ----------
@@ -153,9 +156,12 @@ def sum_group_paths(paths, groups):
 
 @kernel
 def record_group_paths(bodies, counts, grid):
-    """Write the longest path of each group's bodies in this step to `Grid.paths`.
+    """Record how far the bodies of each group have moved at most in this step.
 
-    A group consists of whole tiles, whose longest paths are in `Bodies.longest_path`.
+    A group consists of whole tiles of LANES bodies that are neighbours in memory. Its
+    path in this step is the longest path of its bodies, which `Bodies.longest_path`
+    holds for each tile. It is added to one row of `Grid.paths`, the sum over all steps,
+    and written to the other, that of the last step.
 
     Parameters
     ----------
@@ -167,13 +173,14 @@ def record_group_paths(bodies, counts, grid):
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
     n_tiles = (counts[state.N_BODIES] + LANES - 1) // LANES
+    # A group has 2^shift bodies, which is at least one tile.
     tiles_per_group = (1 << group_shift(bodies)) // LANES
     for begin in range(0, n_tiles, tiles_per_group):
         path = 0.0
         for tile in range(begin, min(begin + tiles_per_group, n_tiles)):
             path = max(path, bodies.longest_path[tile])
         group = begin // tiles_per_group
-        # The sum over all steps, and the path of this step
+        # Add to the sum over all steps, and overwrite the path of the last step.
         grid.paths[ALL_STEPS, group] += path
         grid.paths[LAST_STEP, group] = path
 
@@ -184,8 +191,10 @@ def find_touching_in_block(
 ):
     """Find the near pairs of one block that touch, list them, and count them.
 
-    Pairs that are due are checked. Those that do not touch get new limits. The lists of
-    pairs are not changed, because other threads read them.
+    A pair is due when the displacements of its two bodies have reached
+    `pairs.near_limit`, a sum at which they may touch. The gaps of these pairs are
+    computed. Pairs that do not touch get new limits. No pair moves to another list
+    here, because other threads read the lists.
 
     Parameters
     ----------
@@ -200,7 +209,7 @@ def find_touching_in_block(
     begin, end : int
         First pair of the block, and its end.
     touching : array of int
-        The indices of the pairs that touch are written to it.
+        Overwritten with the indices of the pairs that touch, from `first_index` on.
     first_index : int
         Index in `touching` of the first of them.
     normal : array (3,)
@@ -234,9 +243,15 @@ def find_touching_in_block(
 def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, normal):
     """Find the near pairs of one share that touch, list them, and count them.
 
-    A block whose bodies are nearly at rest is skipped as long as none of its pairs can
-    be due. Two bodies of a block approach each other by at most twice the sum of the
-    longest paths of the groups with bodies in this block.
+    A share is a range of whole blocks of pairs, which one thread handles. A pair is due
+    when the displacements of its two bodies have reached its limit. A block whose
+    bodies are nearly at rest is skipped as long as none of its pairs can be due.
+
+    To decide this, neighbouring bodies form groups, and `grid.paths` has how far the
+    bodies of each group have moved at most. Two bodies of a block together move by at
+    most twice the sum of the paths of the groups in this block. `pairs.near_check` has
+    one number for each block: the sum of the paths at which it is checked again, or
+    CHANGED or DUE. These two are not positive, so that the block is checked at once.
 
     Parameters
     ----------
@@ -260,6 +275,8 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
     second = pairs.near_second
     limit = pairs.near_limit
     shift = group_shift(bodies)
+    # If the bodies of a block move by less than this in a step, they are nearly at
+    # rest.
     calm_path = CALM_SHARE * grid.lengths[state.SKIN]
     n_found = 0
     for block_begin in range(begin, end, state.BLOCK):
@@ -270,6 +287,7 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
         if path < pairs.near_check[block]:
             continue
         block_end = min(block_begin + state.BLOCK, end)
+        # The indices follow those that previous blocks have found.
         n_found += find_touching_in_block(
             bodies,
             pairs,
@@ -285,8 +303,11 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
         if pairs.near_check[block] == CHANGED:
             groups = find_groups(first, second, block_begin, block_end, shift)
             pairs.near_groups[block] = groups
-        # The block is checked again in the next step or, if its bodies are nearly at
-        # rest, when the sum of the paths has grown by half of the slack.
+        # By default, the block is checked again in the next step. If its bodies are
+        # nearly at rest, it is checked when the sum of the paths has grown by half of
+        # the slack. The slack is how far two bodies must move together until the first
+        # pair of the block is due, and each of them moves by at most the sum of the
+        # paths. ROUNDING allows for the rounding errors of the sums.
         pairs.near_check[block] = DUE
         if 2.0 * sum_group_paths(grid.paths[LAST_STEP], groups) < calm_path:
             slack = smallest_slack(

@@ -62,8 +62,8 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     """Add the pairs of body i with near bodies in its cell and in the cells around it.
 
     Bodies whose `grid.mark` is i are skipped, because their pairs with i are already
-    listed. If both bodies of a pair have moved, the pair is added with the body of the
-    lower index.
+    listed (see `mark_partners`). If both bodies of a pair have moved, only the search
+    of the lower index adds the pair. Body i must be in a cell.
 
     Parameters
     ----------
@@ -91,18 +91,21 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     cell_z = cell % n_z
     cell_y = (cell // n_z) % n_y
     cell_x = cell // (n_z * n_y)
-    # Visit the body's cell and those before and after it along each axis. Because the
-    # cells repeat, make sure to visit each cell only once if there are fewer than
-    # three.
+    # Visit the body's cell and those before and after it along each axis: the offsets
+    # 0, 1 and 2 minus 1. The grid repeats in space (periodic), so cell n is cell 0
+    # again. With fewer than three cells along an axis, fewer offsets visit each cell
+    # once.
     for offset_x in range(min(n_x, 3)):
         x = (cell_x + offset_x - 1) % n_x
         for offset_y in range(min(n_y, 3)):
             y = (cell_y + offset_y - 1) % n_y
             for offset_z in range(min(n_z, 3)):
                 z = (cell_z + offset_z - 1) % n_z
-                # Loop over the linked list of bodies in this cell.
+                # Loop over the linked list of bodies in this cell. The value -1 ends
+                # the list.
                 j = grid.head[(x * n_y + y) * n_z + z]
                 while j >= 0:
+                    # Body j has moved, too, and its own search adds this pair.
                     is_listed_by_j = grid.moved[j] == 1 and j < i
                     if j != i and grid.mark[j] != i and not is_listed_by_j:
                         add_pair_if_near(
@@ -148,9 +151,10 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     """Find the pairs of the bodies in `Grid.moved_list` again, and empty this list.
 
     Near pairs of smooth bodies are removed and found again. Touching pairs are kept,
-    because they have springs, and so are entries of clumps. The bodies of the kept
-    pairs are linked in chains, so that the search does not add these pairs a second
-    time.
+    because they have springs, and so are entries, which are the near pairs of clumps.
+    The bodies of the kept pairs are linked in lists, called chains, so that the search
+    does not add these pairs a second time. The order of the steps matters: remove,
+    link, search, reset.
 
     Parameters
     ----------
@@ -176,6 +180,7 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     n_moved = counts[state.N_MOVED]
     if n_moved == 0:
         return
+    # Smooth bodies: `clumps` is an empty tuple, which numba knows from its type.
     if len(clumps) == 0:
         drop_near_pairs_of_moved(pairs, counts, grid)
     # Move the bodies to the cells of their present positions.
@@ -189,15 +194,15 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
         chain_contacts(pairs, counts, grid)
     else:
         chain_entries(pairs, counts, grid, ghost)
-    # Find the other pairs. The partners of a body are marked during the search for its
-    # pairs.
+    # Find the other pairs. Before the search for the pairs of body i, its partners are
+    # marked with i, so that the search skips them. Afterwards the marks are removed.
     for index in range(n_moved):
         i = grid.moved_list[index]
         if bodies.presence[i] == state.PRESENT:
             mark_partners(pairs, grid, i, i)
             list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch)
             mark_partners(pairs, grid, i, UNMARKED)
-    # Empty the list and the chains.
+    # Empty the list and the chains for the next call.
     for index in range(n_moved):
         i = grid.moved_list[index]
         grid.moved[i] = 0
@@ -278,7 +283,9 @@ def drop_contacts_of_gone(
 ):
     """Remove all contacts of bodies that fell below the floor in the previous step.
 
-    These bodies are in `Grid.moved_list`. The function also stops them.
+    These bodies are gone: they have left the simulation. They are in `Grid.moved_list`,
+    together with bodies that have only moved far. The function also stops them, and
+    resets their number, `counts[N_GONE]`.
 
     Parameters
     ----------

@@ -47,10 +47,12 @@ INVERSE_MASS = ROWS + state.INVERSE_MASS * LANES
 def move_centres(scratch, gx, gy, gz, dt):
     """Move the centres of a tile's bodies by one step under their loads and gravity.
 
-    In the semi-implicit Euler method, the velocity changes first, and the new velocity
-    then moves the centre. Writes the velocities and positions, the height before the
-    step (row HEIGHT_BEFORE) and the length of the path (row PATH). Absent bodies have
-    no mass and do not move.
+    The load of a body is the force of its contacts (rows LOAD). In the semi-implicit
+    Euler method, the velocity changes first, and the new velocity then moves the
+    centre. Writes the velocities and positions, the height before the step (row
+    HEIGHT_BEFORE) and the length of the path in this step (row PATH). Absent bodies
+    have no mass and do not move. Velocities that are almost zero become zero
+    (`state.flush_tiny`).
 
     Parameters
     ----------
@@ -65,6 +67,8 @@ def move_centres(scratch, gx, gy, gz, dt):
     """
     for lane in range(LANES):
         inverse_mass = scratch[INVERSE_MASS + lane]
+        # The loop has no branches, so that it becomes vector code. Gravity is
+        # multiplied by 0.0 for an absent body.
         is_present = 1.0 if inverse_mass > 0.0 else 0.0
         velocity_per_force = dt * inverse_mass
         vx, vy, vz = lane_vector(scratch, VELOCITY, lane)
@@ -73,6 +77,7 @@ def move_centres(scratch, gx, gy, gz, dt):
         vy = flush_tiny(vy + velocity_per_force * fy + is_present * dt * gy)
         vz = flush_tiny(vz + velocity_per_force * fz + is_present * dt * gz)
         write_vector(scratch, VELOCITY, lane, vx, vy, vz)
+        # The row HEIGHT is the z component of POSITION.
         scratch[HEIGHT_BEFORE + lane] = scratch[HEIGHT + lane]
         # The new velocity moves the centre.
         add_vector(scratch, POSITION, lane, dt * vx, dt * vy, dt * vz)
@@ -85,9 +90,12 @@ def add_paths_and_count_events(
 ):
     """Add the paths of a tile's bodies to their displacements, and count events.
 
-    An event is a fall through the exit height, a motion by half a skin, or a fall below
-    the floor, see `find_body_events`. Events are rare, so they are only counted here,
-    in a loop without branches that becomes vector code.
+    The displacement of a body is the sum of its paths, the distance that any of its
+    points may have moved until now. An event is one of three: a fall through the exit
+    height, a motion by half a skin since the neighbours were last listed (the
+    displacement reaches the row RENEWAL), or a fall below the floor. Events are rare,
+    so they are only counted here, in a loop without branches that becomes vector code.
+    If there are any, `find_body_events` finds them.
 
     Parameters
     ----------
@@ -116,7 +124,8 @@ def add_paths_and_count_events(
         new_displacement = displacement[first_body + lane] + scratch[PATH + lane]
         displacement[first_body + lane] = new_displacement
         z = scratch[HEIGHT + lane]
-        # The conditions of `find_body_events`, for all lanes at once
+        # These conditions must be the same as in `find_body_events`. `&` and `|` in
+        # place of `and` and `or` avoid branches.
         has_fallen = (scratch[HEIGHT_BEFORE + lane] >= exit_height) & (z < exit_height)
         is_present = scratch[INVERSE_MASS + lane] > 0.0
         has_moved_far = new_displacement >= motion[RENEWAL + lane]
@@ -155,6 +164,10 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
     """Return the events of body i as bits FELL, MOVED_FAR and BELOW_FLOOR; 0 for none.
 
     The event FELL occurs in the step in which the centre falls through the exit height.
+    MOVED_FAR occurs when the displacement of the body reaches the row RENEWAL of
+    `motion`: it has moved by half a skin since its neighbours were last listed.
+    BELOW_FLOOR occurs when its centre is below the floor. The conditions must be the
+    same as in `add_paths_and_count_events`, which only counts events.
 
     Parameters
     ----------
@@ -184,6 +197,7 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
         event |= MOVED_FAR
     if z < physics.floor_height:
         event |= BELOW_FLOOR
+    # An absent body, or one that is gone, has no events.
     return event if bodies.presence[i] == state.PRESENT else 0
 
 
@@ -191,9 +205,11 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
 def handle_events(bodies, grid, counts, begin, n_events, time):
     """Handle the events of bodies in this step.
 
-    A body that fell through the exit height gets an exit time. A body below the floor
-    is gone. Bodies that have moved far or are gone are marked, so that their neighbours
-    are found again.
+    The events of a body are bits of `bodies.event`. FELL: a body that fell through the
+    exit height gets an exit time. BELOW_FLOOR: a body below the floor is gone, and no
+    longer takes part in the simulation. MOVED_FAR: the body has moved far. In the last
+    two cases, the body is put into `Grid.moved_list`, so that its neighbours are found
+    again. Each body may be listed only once.
 
     Parameters
     ----------
@@ -224,10 +240,13 @@ def handle_events(bodies, grid, counts, begin, n_events, time):
 
 @inlined
 def sum_loads(bodies, tile_number, scratch):
-    """Write the sum of the shares of a tile's loads to the rows LOAD; clear the shares.
+    """Add up the partial loads of a tile's bodies, and clear them.
 
-    Shares to which no contact has written are zero and are skipped. The order of the
-    sum does not depend on the threads, so the sum is always the same, bit for bit.
+    `bodies.load` has several arrays of partial sums, called shares, because different
+    threads add forces at the same time. The function writes their sum to the rows LOAD
+    of `scratch`. Shares to which no contact has written are zero and are skipped:
+    `bodies.touched` marks the others. The order of the sum does not depend on the
+    threads, so the sum is always the same, bit for bit.
 
     Parameters
     ----------
@@ -247,7 +266,9 @@ def sum_loads(bodies, tile_number, scratch):
         if bodies.touched[share, tile_number]:
             bodies.touched[share, tile_number] = 0
             load = bodies.load[share]
-            # Copy the share to the rows SHARE_LOAD, and add these to the sum.
+            # Copy the loads of the tile's bodies to the rows SHARE_LOAD, one body in
+            # each lane, and add these rows to the sum. The bodies of a tile are
+            # consecutive.
             gather(
                 load,
                 state.LOAD_COLUMNS,
@@ -287,7 +308,8 @@ def prefetch_tile_ahead(bodies, tile_number):
     """Prefetch rows, loads and motion of the tile after the next one into the cache.
 
     In a large simulation they are not in the cache yet. They arrive there before the
-    loop reaches that tile. A cache line holds WIDTH numbers.
+    loop reaches that tile. A cache line holds WIDTH numbers, so one number in WIDTH is
+    enough.
 
     Parameters
     ----------
@@ -296,6 +318,7 @@ def prefetch_tile_ahead(bodies, tile_number):
     tile_number : int
         Index of the present tile.
     """
+    # `next_tile` is the tile after the next one.
     next_tile = tile_number + 2
     if next_tile >= bodies.resting.shape[0]:
         return
@@ -311,7 +334,9 @@ def prefetch_tile_ahead(bodies, tile_number):
         if bodies.touched[share, next_tile]:
             for i in range(first_body, first_body + LANES):
                 prefetch(bodies.load[share], i, 0)
-    # For a tile at rest, the step reads only the row RENEWAL of the motion.
+    # For a tile at rest, the step reads only the row RENEWAL of the motion, which ends
+    # where INVERSE_MOMENTS begins. Otherwise it reads all rows from QUATERNION to
+    # RADIUS, the first and the last.
     first = QUATERNION if is_turning else RENEWAL
     end = state.RADIUS + LANES if is_turning else INVERSE_MOMENTS
     for index in range(first, end, WIDTH):
@@ -445,8 +470,10 @@ def integrate(bodies, counts, physics, scratch, begin, end):
 def write_body_shape(bodies, i, parts, scratch):
     """Write inverse inertia and shape of body i in its present orientation to its row.
 
-    No body moves, and no other row changes. The function is called when a body is
-    added.
+    The shape is a matrix for each ellipsoid of a smooth body, or the quaternion of a
+    clump. For a sphere, only the radius is written. No body moves, and no other row
+    changes: `scratch` is a tile of the bodies, of which only the lane of body i is
+    used. The function is called when a body is added.
 
     Parameters
     ----------
@@ -468,7 +495,9 @@ def write_body_shape(bodies, i, parts, scratch):
         bodies.rows[i, state.SPHERE_RADIUS] = motion[state.RADIUS + lane]
         return
     write_shapes(scratch, motion, parts)
-    # Copy the columns of the inverse inertia, and then those of the shape.
+    # Copy the columns of the inverse inertia, and then those of the shape. A shape has
+    # PART columns for each ellipsoid, or the 4 numbers of a quaternion if `parts` is 0.
+    # From ROWS on, the tile has a row for each column of `Bodies.rows`.
     for column in range(state.INVERSE_INERTIA, SHAPE + max(PART * parts, 4)):
         bodies.rows[i, column] = scratch[ROWS + column * LANES + lane]
 

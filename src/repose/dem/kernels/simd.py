@@ -99,11 +99,12 @@ def _store(builder, vector, pointer):
 
 
 def _write_transposition(builder, pointers):
-    """Write code that loads a matrix of 8 x 8 numbers from memory and transposes it.
+    """Emit code that loads a matrix of 8 x 8 numbers from memory and transposes it.
 
-    Vectors are made of halves of two rows. A single instruction loads the second half
-    and inserts it, without a shuffle. Therefore 16 shuffles are enough, instead of 24
-    for whole rows.
+    The matrix is handled in two halves of four columns. Each vector is made of half a
+    row and half of another row. The processor can load the second half directly into
+    the vector, without a shuffle. Therefore 16 shuffles are enough, instead of 24 for
+    whole rows.
 
     Parameters
     ----------
@@ -123,13 +124,17 @@ def _write_transposition(builder, pointers):
             _load(builder, builder.gep(pointer, [INT64(first_column)]), HALF)
             for pointer in pointers
         ]
-        # Join four numbers of a row with four numbers of the row after the next one.
+        # Join half of a row with half of the row two below it: rows 0 and 2, 1 and 3, 4
+        # and 6, 5 and 7.
         row_pairs = {}
         for row in (0, 1, 4, 5):
             row_pairs[row] = _shuffle(
                 builder, halves[row], halves[row + 2], list(range(WIDTH))
             )
-        # Pick the even and the odd columns of rows 0 to 3, and of rows 4 to 7.
+        # Pick the even and the odd columns of rows 0 to 3, and of rows 4 to 7. A
+        # position counts through the first vector (0 to 7) and then the second (8 to
+        # 15). With c for the column, `even_columns[0]` is r0c0 r1c0 r0c2 r1c2 r2c0 r3c0
+        # r2c2 r3c2.
         pairs = ((row_pairs[0], row_pairs[1]), (row_pairs[4], row_pairs[5]))
         even_columns = [
             _shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14]) for pair in pairs
@@ -160,6 +165,10 @@ class _CopyArguments:
     def __init__(self, context, builder, signature, values):
         """Convert the arguments of a call to pointers and 64-bit integers.
 
+        The attributes get the names in COPY_ARGUMENTS: an array becomes a pointer to
+        its first number, an integer is extended to 64 bits. The table also sets
+        `row_bytes`, from which `row_pointer` computes addresses.
+
         Parameters
         ----------
         context, builder
@@ -183,14 +192,16 @@ class _CopyArguments:
                 )
 
     def row_pointer(self, lane):
-        """Write code for the address of table[index[k + lane], column], and return it.
+        """Emit code for the address of table[index[k + lane], column].
 
-        The table may be a view, so the address is computed in bytes from the stride.
+        The result is the address as an LLVM value, a pointer to a double. The table may
+        be a view, so the address is computed in bytes from the stride.
         """
         builder = self.builder
         index_pointer = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
         row_number = builder.load(index_pointer)
-        # The index may hold shorter integers. None of them is negative.
+        # The index may hold shorter integers. None of them is negative, so zeros can be
+        # put in front (zext).
         if row_number.type != INT64:
             row_number = builder.zext(row_number, INT64)
         # The address in bytes is that of the table, plus the offsets of row and column.
@@ -218,10 +229,10 @@ class _CopyArguments:
 
 
 def _find_copy_signature(table, column, index, k, tile, first, stride):
-    """Return the signature of an intrinsic that copies numbers.
+    """Return the signature of an intrinsic that copies numbers between table and tile.
 
-    If the intrinsic cannot handle the arguments, the result is None, which tells numba
-    that there is no such function.
+    The order of the arguments is that of COPY_ARGUMENTS. If the intrinsic cannot handle
+    the arguments, the result is None, which tells numba that there is no such function.
 
     Parameters
     ----------
@@ -242,7 +253,12 @@ def _find_copy_signature(table, column, index, k, tile, first, stride):
 
 
 def _make_copy_intrinsic(write_code):
-    """Make an intrinsic (a function written in LLVM code) that copies numbers.
+    """Make an intrinsic that copies numbers between a table and a tile.
+
+    An intrinsic is a function written in LLVM code that kernels can call. Numba calls
+    the inner function `declare` with the types of the arguments, and later `generate`
+    to emit the code. The parameters of `declare` must be those of COPY_ARGUMENTS, in
+    the same order.
 
     Parameters
     ----------
@@ -257,8 +273,6 @@ def _make_copy_intrinsic(write_code):
         A function that kernels call with COPY_ARGUMENTS.
     """
 
-    # Numba calls `declare` with the types of the arguments, and later `generate` to
-    # write the code.
     def declare(typingctx, table, column, index, k, tile, first, stride):
         def generate(context, builder, sig, values):
             write_code(builder, _CopyArguments(context, builder, sig, values))
@@ -334,7 +348,9 @@ def add_lanes_to_rows(builder, copy):
 
 
 def _pointer_to_number(context, builder, signature, values):
-    """Write code for the address of table[row, column], and return the pointer.
+    """Emit code that computes the address of table[row, column].
+
+    Neither the bounds nor the signs of the indices are checked at run time.
 
     Parameters
     ----------
@@ -350,7 +366,7 @@ def _pointer_to_number(context, builder, signature, values):
     Returns
     -------
     LLVM value
-        A pointer to bytes.
+        A pointer to bytes: the address at run time.
     """
     table_type, row_type, column_type = signature.args
     table, row, column = values
@@ -370,7 +386,8 @@ def prefetch(typingctx, table, row, column):
     """Fetch the cache line of table[row, column] before it is read or written.
 
     The processor fetches it while the program continues. An unnecessary prefetch costs
-    time but does not change any result.
+    time but does not change any result. This is an intrinsic: numba calls the function
+    when it compiles a kernel, and then `generate` to emit the code.
 
     Parameters
     ----------
@@ -387,6 +404,7 @@ def prefetch(typingctx, table, row, column):
 
     def generate(context, builder, sig, values):
         pointer = _pointer_to_number(context, builder, sig, values)
+        # `p0i8` in the name is LLVM's notation of a pointer to bytes.
         function = cgutils.get_or_insert_function(
             builder.module, PREFETCH_TYPE, "llvm.prefetch.p0i8"
         )

@@ -76,7 +76,7 @@ def write_sphere_positions(
     n_spheres : int
         Number of spheres.
     scale : float
-        Scale of the body: its lengths over those of its shape.
+        Scale of the body: its lengths divided by those of its shape.
     origin_x, origin_y, origin_z : float
         Origin relative to which the centres are written, in the world [m].
     scratch : array
@@ -85,7 +85,8 @@ def write_sphere_positions(
         Index in `scratch` at which the first of these rows begins: SPHERES_A or
         SPHERES_B.
     """
-    # The quaternion (qw, qx, qy, qz) rotates the spheres' centres into world axes.
+    # In the columns of the shape, a clump has its quaternion (qw, qx, qy, qz). It
+    # rotates the spheres' centres into world axes.
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
     body_x, body_y, body_z = vector_at(row, POSITION)
@@ -130,15 +131,17 @@ def read_sphere_radius(scratch, first, sphere):
 def count_near_spheres(scratch, a, n_spheres, limit):
     """Count the spheres of clump B whose gap to one sphere of clump A is below a limit.
 
-    Squared distances are compared, because square roots are slow.
+    Squared distances are compared, because square roots are slow. Two rows of `scratch`
+    are overwritten for the caller, with a number for each sphere of B: the squared
+    distance of the centres (row SQUARED_DISTANCES), and this minus the squared distance
+    of two spheres with the gap `limit` (row EXCESS), which is negative for the spheres
+    that are counted.
 
     Parameters
     ----------
     scratch : array
-        The spheres of both clumps, see `write_sphere_positions`. Two rows are
-        overwritten, with a number for each sphere of B: the squared distance of the
-        centres (row SQUARED_DISTANCES), and by how much it exceeds that of two spheres
-        with the gap `limit` (row EXCESS).
+        `Scratch.spheres`, with the spheres of both clumps, see
+        `write_sphere_positions`.
     a : int
         Index of the sphere of A.
     n_spheres : int
@@ -165,13 +168,16 @@ def count_near_spheres(scratch, a, n_spheres, limit):
         excess = squared_distance - distance * distance
         scratch[SQUARED_DISTANCES + b] = squared_distance
         scratch[EXCESS + b] = excess
+        # Without a branch, the loop becomes vector code.
         n_near += 1 if excess < 0.0 else 0
     return n_near
 
 
 @inlined
 def insert_gap(scratch, gap, a, b):
-    """Insert a gap into the sorted smallest gaps, and drop the largest of them.
+    """Insert a gap into the sorted list of smallest gaps, and drop the largest one.
+
+    The new gap must be below the largest of them.
 
     Parameters
     ----------
@@ -185,7 +191,8 @@ def insert_gap(scratch, gap, a, b):
         Indices of the spheres of A and B with this gap.
     """
     index = WATCHED_AFTER_SEARCH
-    # Move the larger gaps up by one.
+    # Start at the end of the list, whose gap is dropped, and move larger gaps up by
+    # one.
     while index > 0 and scratch[GAPS + index - 1] > gap:
         scratch[GAPS + index] = scratch[GAPS + index - 1]
         scratch[GAPS_SPHERE_A + index] = scratch[GAPS_SPHERE_A + index - 1]
@@ -200,9 +207,13 @@ def insert_gap(scratch, gap, a, b):
 def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
     """Let an entry watch the pairs of spheres with the smallest gaps.
 
-    This follows a full search. Each of these pairs gets a limit, the sum of both
-    displacements at which its spheres may touch. The entry gets the smallest of these
-    limits, and a common limit for all other pairs.
+    An entry is a listed pair of clumps that are near each other. It has MOST_WATCHED
+    slots, each for one pair of spheres that is watched: its gap is checked separately.
+    The function is called after a full search of all pairs of spheres, which writes the
+    smallest gaps to `scratch` in increasing order. Each watched pair gets a limit, the
+    sum of both bodies' displacements at which the spheres may touch. The entry gets the
+    smallest of these limits (`near_limit`), and a common limit for all other pairs of
+    spheres (`unwatched_limit`).
 
     Parameters
     ----------
@@ -221,11 +232,13 @@ def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
     displacement_sum = bodies.displacement[i] + bodies.displacement[j]
     slot = 0
     while slot < WATCHED_AFTER_SEARCH and scratch[GAPS + slot] < skin:
+        # A clump has at most 64 spheres, so their indices are stored in 8 bits.
         pairs.watched[entry, slot, 0] = np.uint8(scratch[GAPS_SPHERE_A + slot])
         pairs.watched[entry, slot, 1] = np.uint8(scratch[GAPS_SPHERE_B + slot])
         pairs.watched_limit[entry, slot] = displacement_sum + scratch[GAPS + slot]
         slot += 1
     pairs.n_watched[entry] = slot
+    # If no gap is below the skin, all gaps in the list equal the skin.
     pairs.near_limit[entry] = displacement_sum + scratch[GAPS]
     pairs.unwatched_limit[entry] = displacement_sum + scratch[LARGEST_GAP]
 
@@ -342,6 +355,8 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
 def sphere_in_world(bodies, clumps, i, sphere):
     """Return centre (x, y, z) and radius of a sphere of body i, in the world [m].
 
+    `Clumps` has the spheres of each shape at scale 1, in rows: x, y, z and radius.
+
     Parameters
     ----------
     bodies : Bodies
@@ -356,7 +371,8 @@ def sphere_in_world(bodies, clumps, i, sphere):
     row = bodies.rows[i]
     spheres = clumps.spheres[clumps.shape[i]]
     scale = clumps.scale[i]
-    # The quaternion (qw, qx, qy, qz) rotates the sphere's centre into world axes.
+    # In the columns of the shape, a clump has its quaternion (qw, qx, qy, qz). It
+    # rotates the sphere's centre into world axes.
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
     body_x, body_y, body_z = vector_at(row, POSITION)
@@ -417,14 +433,17 @@ def drop_watched_pair(pairs, entry, slot):
 
 @inlined
 def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
-    """Check those watched pairs of spheres of an entry that are due.
+    """Check the watched pairs of spheres of an entry that are due.
 
-    A pair is due when the sum of the displacements of bodies i and j has reached its
-    limit. Pairs that touch become contacts, and the others get new limits. The entry
-    gets the smallest of all limits.
+    An entry is a listed pair of clumps, here i and j, that are near each other. It
+    watches some pairs of their spheres, one in each of its slots. All limits are sums
+    of the displacements of i and j. A watched pair is due when this sum has reached its
+    limit (`watched_limit`). If the spheres touch, the pair becomes a contact, otherwise
+    it gets a new limit. The entry is checked again (`near_limit`) at the smallest limit
+    of all pairs, including that of the pairs that are not watched (`unwatched_limit`).
 
-    The function is inlined, because a call would take longer than the check. Its arrays
-    become some 300 arguments of the compiled function.
+    The function is inlined, because a call with all these arrays would take longer than
+    the check.
 
     Parameters
     ----------
@@ -465,7 +484,10 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
 def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     """Check all entries of two clumps that are due.
 
-    An entry is removed if it has no contacts and none of its gaps is below the skin.
+    An entry is a listed pair of clumps that are near each other. It is due when the
+    displacements of the two bodies have reached its limit, a sum at which spheres may
+    touch. Spheres that touch become contacts. An entry is removed if it has no contacts
+    and none of its gaps is below the skin, the largest gap of an entry.
 
     Parameters
     ----------
@@ -495,8 +517,9 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
         i = np.int64(first[entry])
         j = np.int64(second[entry])
         displacement_sum = bodies.displacement[i] + bodies.displacement[j]
-        # Until the limit of all other pairs of spheres is reached, check only watched
-        # pairs.
+        # Some pairs of spheres are watched, each with a limit of its own. All others
+        # have one common limit. Before it is reached, check only the watched pairs;
+        # then search all.
         if displacement_sum < pairs.unwatched_limit[entry]:
             check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j)
         else:
@@ -504,6 +527,7 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
                 bodies, pairs, counts, grid, clumps, entry, i, j, scratch
             )
             if gap >= grid.lengths[state.SKIN] and pairs.n_contacts[entry] == 0:
+                # The entry becomes a hole, so the other entries keep their indices.
                 drop_entry(pairs, counts, grid, entry, ghost)
         entry = find_next_due(
             bodies.displacement, first, second, limit, entry + 1, n_entries
@@ -512,9 +536,10 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
 
 @inlined
 def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
-    """Add an entry of two clumps that have none, if they are nearer than the skin.
+    """Add an entry of two clumps if a gap of their spheres is below the skin.
 
-    The function compares the bounding spheres first.
+    An entry is a listed pair of clumps; this pair must not have one yet. The skin is
+    the largest gap of an entry. The bounding spheres are compared first.
 
     Parameters
     ----------
@@ -540,13 +565,19 @@ def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
     radii = bounding_radius(bodies, i) + bounding_radius(bodies, j)
     reach = radii + grid.lengths[state.SKIN]
     if dx * dx + dy * dy + dz * dz < reach * reach:
-        # The -1 says that there is no entry yet.
+        # The -1 says that there is no entry yet. The search adds one if spheres are
+        # near.
         search_all_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, scratch)
 
 
 @kernel
 def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
-    """Remove contacts of spheres that have ended; their entries then watch the spheres.
+    """Remove the contacts of spheres that have ended, and watch these spheres.
+
+    The entry of a contact, a listed pair of clumps that are near each other, has slots
+    for pairs of spheres whose gaps are checked separately. The spheres of an ended
+    contact get a free slot. All limits are sums of the displacements of the two bodies
+    at the next check.
 
     The loop begins with the last of these contacts. The last contact of the list
     replaces each removed one, so in this order the remaining indices stay valid.
@@ -578,8 +609,10 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
             + bodies.displacement[pairs.second[contact]]
             + pairs.gap[contact]
         )
+        # The entry must be checked by then.
         pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
-        # Watch the spheres. If no slot is free, let the next full search come earlier.
+        # Watch the spheres. If no slot is free, lower the limit of the unwatched pairs,
+        # so that the next search of all spheres comes earlier.
         slot = pairs.n_watched[entry]
         if slot < MOST_WATCHED:
             pairs.watched[entry, slot, 0] = pairs.spheres[contact, 0]

@@ -370,7 +370,7 @@ def new_bodies(n_bodies, parts, shares=1):
         Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     shares : int
-        Number of shares of the loads, see `parallel`.
+        Number of arrays of partial sums of the loads, see `parallel`.
 
     Returns
     -------
@@ -382,15 +382,18 @@ def new_bodies(n_bodies, parts, shares=1):
     """
     n_tiles = n_bodies // LANES + 1
     n_places = LANES * n_tiles
-    # A row fills whole cache lines.
+    # The number of places, and the number of columns rounded up, so that a row fills
+    # whole cache lines
     n_columns = CACHE_LINE * -(-count_columns(parts) // CACHE_LINE)
-    # All bodies have a small shape and no mass.
+    # All bodies have a small shape, a sphere of 1 mm, and no mass. The squared
+    # semi-axes are 1e-6 m^2.
     rows = aligned_zeros(n_places, n_columns)
     if parts == SPHERES:
         rows[:, SPHERE_RADIUS] = 1e-3
     else:
         diagonal = [SHAPE, SHAPE + 3, SHAPE + 5]  # xx, yy, zz
         rows[:, diagonal] = 1e-6
+    # The fraction of its tangential dashpots that a body allows to act
     rows[:, share_column(parts)] = 1.0
     motion = aligned_zeros(n_tiles, MOTION_ROWS * LANES)
     motion[:, QUATERNION : QUATERNION + LANES] = 1.0  # w of (w, x, y, z)
@@ -442,7 +445,7 @@ def copy_motion(motion, row, n_columns, n_bodies):
 
 
 def new_grid(n_bodies, lower, upper, cell):
-    """Return the cells for bodies in a box, with an edge of `cell` [m].
+    """Return the cells of the search for neighbours, for bodies in a box.
 
     The grid has at most CELLS_PER_BODY cells per body (or FEWEST_CELLS), so that the
     memory depends on the number of bodies and not on the box. The grid repeats in space
@@ -466,6 +469,8 @@ def new_grid(n_bodies, lower, upper, cell):
     while shape.prod() > max_cells:
         shape[shape.argmax()] = np.ceil(0.5 * shape.max())
     shape = shape.astype(np.int64)
+    # In the linked lists of bodies, -1 means that there is none. The caller sets the
+    # other two lengths, REACH and SKIN.
     return Grid(
         **equal_arrays("cell following preceding chain mark", n_bodies, np.int64, -1),
         head=np.full(int(shape.prod()), -1, np.int64),
@@ -554,6 +559,9 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
 def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, are_clumps):
     """Return an empty list for contacts with the walls of one kind.
 
+    Unused elements hold the ghost, an absent body without mass. A tile has a row for
+    each quantity and a lane for each of LANES contacts.
+
     Parameters
     ----------
     n_contacts : int
@@ -574,12 +582,16 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, are_clumps):
     """
     n_contacts = round_up_to_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
-    # Unused lanes lie on a plane without an edge.
+    # Unused lanes lie on a plane without an edge, so that their gap is finite.
     data[:, SQUARED_RADIUS : SQUARED_RADIUS + LANES] = np.inf
+    # Only the spheres of clumps need bits that mark them. For smooth bodies these are
+    # empty tuples, which numba knows from their type.
     if are_clumps:
         bits = equal_arrays("touching_bits past_bits", (n_walls, n_bodies), np.uint64)
     else:
         bits = {"touching_bits": (), "past_bits": ()}
+    # A limit of -1.0 is below every displacement, so each wall is searched in the first
+    # step. An infinite allowed overlap means that no body is past a wall.
     return WallContacts(
         body=np.full(n_contacts, ghost, np.uint32),
         **equal_arrays("wall feature", n_contacts, np.uint32),

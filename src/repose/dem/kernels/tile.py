@@ -270,8 +270,7 @@ def write_newton_step(scratch, history):
 
     by the theorem of Cayley and Hamilton, so no tangents are needed. With tr(T) = tr(C)
     + 2 f, the numerator becomes (tr(C) + f) g - C g. The gap at the new normal follows
-    from an expansion at the old one: f + g.s / 2, with an error of third order in the
-    step.
+    from an expansion at the old one: f + g.s / 2.
 
     Call `write_support_of_a` and `add_support_of_b` first, whose rows are read. Writes
     the rows STEP [rad], GAP [m] and RADIUS (the effective radius [m]). The loop has no

@@ -97,8 +97,10 @@ def limit_turn(turn):
 def cone_axes(cone, theta):
     """Return cos(theta), sin(theta) and the unit vectors n, u and w of a cone at theta.
 
-    The normal n points into the wall, the tangent u along the circle about the axis,
-    and the tangent w along the line of the cone. The z component of u is zero.
+    theta is the angle about the cone's axis. The normal n points into the wall, the
+    tangent u along the circle about the axis, and the tangent w along the line of the
+    cone, its generatrix. The z component of u is zero. The eleven results are cos, sin,
+    then the components of n, u and w.
 
     Parameters
     ----------
@@ -123,7 +125,16 @@ def cone_axes(cone, theta):
 def cone_derivatives(row, parts, cone, theta):
     """Return the first and second derivatives of a body's overlap with a cone.
 
-    The overlap phi is a function of the angle theta about the cone's axis.
+    The overlap phi is a function of the angle theta about the cone's axis. At theta, n
+    is the normal into the wall, u the tangent along the circle about the axis, and w
+    the tangent along the line of the cone. With the body's outermost point p along n
+    and the component m_r of n away from the axis, phi = n.p - k. Since dn/dtheta = m_r
+    u,
+
+        phi'  = m_r u.p
+        phi'' = m_r^2 u.Q u - m_r (cos, sin).p
+
+    where Q is the curvature matrix of the body.
 
     Parameters
     ----------
@@ -151,8 +162,7 @@ def cone_derivatives(row, parts, cone, theta):
     # The x and y coordinates of the body's outermost point along n
     px = x + h * nx + along_u * ux + along_w * wx
     py = y + h * ny + along_u * uy + along_w * wy
-    # phi changes as the normal turns along u. The curvature of the body's surface
-    # contributes to the second derivative.
+    # The derivatives of the docstring; m_r is `normal_r`.
     slope = normal_r * (ux * px + uy * py)
     second_derivative = normal_r * normal_r * q_uu - normal_r * (cos * px + sin * py)
     return slope, second_derivative
@@ -185,7 +195,11 @@ def climb_cone(row, parts, cone, theta):
 
 @kernel
 def write_cone_contact(row, parts, cone, theta, geometry):
-    """Fill `geometry` for a body and a cone, at the angle of the largest overlap.
+    """Compute the contact of a body with a cone, and write it to `geometry`.
+
+    The solver has found the angle about the axis at which the overlap is largest.
+    Columns CONE_NORMAL and CONE_UP of the cone are the normal and the unit vector up
+    along the cone's line, in the half plane (r, z) at this angle.
 
     Parameters
     ----------
@@ -213,16 +227,16 @@ def write_cone_contact(row, parts, cone, theta, geometry):
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     gap = cone[CONE_OFFSET] - (nx * x + ny * y + nz * z + h)
-    # The effective radius depends on the contact point and is written below.
+    # The effective radius depends on the contact point, so it is 0.0 here and is
+    # written below.
     write_contact(
         geometry, nx, ny, nz, gap, 0.0, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
 
-    # (px, py, pz) is the contact point.
+    # (px, py, pz) is the contact point: the centre plus the arm. `distance` is its
+    # distance from the axis.
     px, py, pz = x + geometry[ARM], y + geometry[ARM + 1], z + geometry[ARM + 2]
-    distance = max(
-        cos * px + sin * py, SMALLEST_CIRCLE
-    )  # of the contact point from the axis
+    distance = max(cos * px + sin * py, SMALLEST_CIRCLE)
     # A cone is concave, so its curvature along the circle is negative.
     wall_curvature_u = -cone[CONE_NORMAL_R] / distance
     geometry[RADIUS] = effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, 0.0)
@@ -348,7 +362,11 @@ def ring_curvatures(ring, outward):
 
 @kernel
 def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
-    """Fill `geometry` for a body and a ring edge, at the solution theta and n.
+    """Compute the contact of a body with a ring edge, and write it to `geometry`.
+
+    A ring edge is a torus. Bodies can only touch the open part of it, between the two
+    adjoining walls. The ring has two vectors (r, z) called gates. On the open part, the
+    normal has no negative component along either gate.
 
     Parameters
     ----------
@@ -359,7 +377,8 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     ring : array (RING_COLUMNS,)
         The ring: a row of `Walls.rings`.
     theta : float
-        Angle about the axis at which the circle is nearest to the body [rad].
+        Angle about the axis at which the central circle of the torus is nearest to the
+        body, as found by the solver [rad].
     nx, ny, nz : float
         Unit normal n, from the body into the wall.
     geometry : array (8,)
@@ -370,7 +389,7 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     -------
     bool
         Whether the contact lies on the open part of the edge. The rest of the torus is
-        behind the adjoining walls, where the normal opposes one of the two gates.
+        behind the adjoining walls.
     """
     cos = math.cos(theta)
     sin = math.sin(theta)
@@ -402,6 +421,7 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     write_contact(
         geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
+    # The scalar products of the normal with both gates, in the half plane (r, z)
     return (
         outward * ring[RING_GATE_A_R] + nz * ring[RING_GATE_A_Z] >= 0.0
         and outward * ring[RING_GATE_B_R] + nz * ring[RING_GATE_B_Z] >= 0.0
@@ -464,7 +484,11 @@ def polar_coordinates(x, y):
 
 @inlined
 def write_sphere_cone_contact(x, y, z, radius, cone, geometry):
-    """Fill `geometry` for a sphere and a cone, in closed form.
+    """Compute the contact of a sphere with a cone, and write it to `geometry`.
+
+    The solution is in closed form. In the half plane (r, z) from the axis through the
+    centre of the sphere, the cone is a line, whose normal points into the wall, away
+    from the axis.
 
     Parameters
     ----------
@@ -479,16 +503,19 @@ def write_sphere_cone_contact(x, y, z, radius, cone, geometry):
     Returns
     -------
     float
-        How far the sphere's centre is beyond the wall's ends along its line [m];
-        negative between them.
+        How far the sphere's centre is beyond the wall's ends, measured along the line
+        of the cone [m]; negative between them.
     """
     # Work in the half plane from the axis through the centre of the sphere.
     distance, cos, sin = polar_coordinates(x, y)
     normal_r = cone[CONE_NORMAL_R]
     normal_z = cone[CONE_NORMAL_Z]
     gap = cone[CONE_OFFSET] - normal_r * distance - normal_z * z - radius
-    # A cone is concave, so its curvature along the circle is negative.
+    # A cone is concave, so its curvature along the circle about the axis is negative.
+    # `circle_radius` is the distance of the contact point from the axis; the point lies
+    # half a gap beyond the sphere's surface. Along its line, a cone has no curvature.
     circle_radius = max(distance + (radius + 0.5 * gap) * normal_r, SMALLEST_CIRCLE)
+    # A sphere has the curvature matrix radius * I.
     contact_radius = effective_radius(
         radius, 0.0, radius, -normal_r / circle_radius, 0.0
     )
@@ -502,7 +529,12 @@ def write_sphere_cone_contact(x, y, z, radius, cone, geometry):
 
 @inlined
 def write_sphere_ring_contact(x, y, z, radius, ring, geometry):
-    """Fill `geometry` for a sphere and a ring edge, in closed form.
+    """Compute the contact of a sphere with a ring edge, and write it to `geometry`.
+
+    The solution is in closed form. A ring edge is a torus. Bodies can only touch the
+    open part of it, between the two adjoining walls. The ring has two vectors (r, z)
+    called gates. On the open part, the normal has no negative component along either
+    gate.
 
     Parameters
     ----------
@@ -529,12 +561,15 @@ def write_sphere_ring_contact(x, y, z, radius, ring, geometry):
     nr, nz = dr * inverse_length, dz * inverse_length  # the normal
     # The curvatures of the edge at this normal, then R* and the gap
     wall_curvature_u, wall_curvature_w = ring_curvatures(ring, nr)
+    # A sphere has the curvature matrix radius * I.
     contact_radius = effective_radius(
         radius, 0.0, radius, wall_curvature_u, wall_curvature_w
     )
     gap = to_circle - radius - ring[RING_EDGE_RADIUS]
     write_sphere_contact(geometry, nr * cos, nr * sin, nz, gap, contact_radius, radius)
-    # Behind one of the adjoining walls, the normal opposes one of the two gates.
+    # On the open part of the edge, the vector to the circle has no negative component
+    # along either gate, so the result is not positive. Elsewhere it is the largest part
+    # that points away from a gate: the sphere must move by at least this distance.
     return -min(
         dr * ring[RING_GATE_A_R] + dz * ring[RING_GATE_A_Z],
         dr * ring[RING_GATE_B_R] + dz * ring[RING_GATE_B_Z],

@@ -166,7 +166,11 @@ def search_due_walls(
 ):
     """Find new contacts of body i with the planes and curved walls that are due.
 
-    A wall is due when the path of the body has reached `WallContacts.limit`.
+    The path of a body is its displacement plus that of the walls until now. A wall is
+    due when this path has reached `WallContacts.limit`, which is the path at which the
+    body may touch the wall. A search gives the wall a new limit. Curved walls are
+    cones, tubes and rings. A body that has once been entirely below all of them is
+    marked, and they are never searched again for it.
 
     Parameters
     ----------
@@ -206,6 +210,8 @@ def search_due_walls(
     # Search the planes that are due. Each gets a new limit.
     for wall in range(walls.planes.shape[0]):
         if path >= plane_contacts.limit[wall, i]:
+            # A body may slide from a curved wall onto a plane, so the search also needs
+            # these contacts.
             free_distance = find_plane_contacts(
                 bodies,
                 plane_contacts,
@@ -339,8 +345,10 @@ def find_new_wall_contacts(
 ):
     """Find new contacts with planes, cones, tubes and rings for bodies that are due.
 
-    In a large simulation whose walls stand still, a tile of LANES bodies is skipped
-    until its bodies may have moved by its `wall_margin`.
+    A body is due when its displacement plus that of the walls has reached its next
+    search. In a large simulation whose walls stand still, a tile of LANES consecutive
+    bodies is skipped while its bodies cannot be due: `Bodies.wall_margin` is how far
+    they may still move. Each step reduces it by the path of the bodies.
 
     Parameters
     ----------
@@ -365,7 +373,8 @@ def find_new_wall_contacts(
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """
     n_bodies = counts[state.N_BODIES]
-    # Only a large simulation has several fractions of the loads.
+    # Only a large simulation divides its loads into several arrays of partial sums, so
+    # the number of these arrays tells whether it is large.
     if bodies.load.shape[0] == 1 or walls.approach[state.WALLS_MOVE] > 0.0:
         search_due_bodies(
             bodies,
@@ -480,7 +489,9 @@ def find_new_mesh_contacts(
 ):
     """Find new contacts with meshes for all present bodies that are due.
 
-    A mesh is due when the path of a body has reached `WallContacts.limit`.
+    The path of a body is its displacement plus that of the walls until now. A mesh is
+    due when this path has reached `WallContacts.limit`, which is the path at which the
+    body may touch the mesh. The search gives it a new limit.
 
     Parameters
     ----------
