@@ -147,7 +147,10 @@ def _compute_area_vectors(vertices, faces):
 
 
 def find_edges(faces):
-    """Find the edges of a mesh and their faces.
+    """Find the edges of a mesh and the faces on either side of them.
+
+    Each face lists its vertices in order. Two neighbouring faces with their normals to
+    the same side traverse their common edge in opposite directions.
 
     Parameters
     ----------
@@ -171,11 +174,13 @@ def find_edges(faces):
     sides = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     side_face = np.repeat(np.arange(len(faces)), 3)
     edges, side_edge = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+    # The shape of this result depends on the version of NumPy.
     side_edge = side_edge.ravel()
     # 0 if the side runs from the lower to the higher vertex, otherwise 1
     direction = (sides[:, 0] > sides[:, 1]).astype(int)
 
-    # At most one face may traverse an edge in each direction.
+    # At most one face may traverse an edge in each direction. n_faces[edge, direction]
+    # is their number; `np.add.at` also counts repeated indices.
     n_faces = np.zeros((len(edges), 2), int)
     np.add.at(n_faces, (side_edge, direction), 1)
     if n_faces.max() > 1:
@@ -213,9 +218,10 @@ def _find_coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
     second = edge_faces[is_shared, 1]
     edge_vertex = vertices[edges[is_shared, 0]]
 
-    # Compute how far the corners of one face lie from the plane of the other. The
-    # smaller of the two values counts, because the plane of a narrow triangle is
-    # uncertain.
+    # Compute how far the corners of one face lie from the plane of the other. Of the
+    # two values, the smaller one counts: if one triangle is narrow, its normal is
+    # inaccurate, and only the plane of the wider one is reliable. In `einsum`, e is a
+    # pair of faces, k a corner and i an axis.
     distance = np.full(len(first), np.inf)
     for face, other_face in ((first, second), (second, first)):
         corners = vertices[faces[other_face]] - edge_vertex[:, None]
@@ -225,6 +231,7 @@ def _find_coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
     mesh_size = np.linalg.norm(np.ptp(vertices, axis=0))
     # The cosine is positive if both faces are oriented to the same side.
     cosine = np.sum(face_normals[first] * face_normals[second], axis=1)
+    # FLAT is the largest distance, as a fraction of the mesh's size.
     is_coplanar = (distance < FLAT * mesh_size) & (cosine > 0.0)
     return first[is_coplanar], second[is_coplanar]
 
@@ -255,7 +262,7 @@ def _measure_thicknesses(vertices, faces, group, group_normals):
 
 
 def find_planes(vertices, faces, edges, edge_faces):
-    """Find the planes of a mesh: groups of coplanar triangles.
+    """Find the planes of a mesh: groups of connected coplanar triangles.
 
     Parameters
     ----------
@@ -285,21 +292,23 @@ def find_planes(vertices, faces, edges, edge_faces):
         (np.ones(len(first)), (first, second)), shape=(n_faces, n_faces)
     )
     n_groups, group = csgraph.connected_components(connections, directed=False)
-    # The normal of a group is the direction of the sum of its area vectors.
+    # The normal of a group is the direction of the sum of its area vectors. `np.add.at`
+    # also adds for repeated indices.
     group_normals = np.zeros((n_groups, 3))
     np.add.at(group_normals, group, area_vectors)
     group_normals = _normalise_or_zero(group_normals)
 
     # A group may be curved as a whole although each triangle is coplanar with its
-    # neighbours. Such a group is split up, and each triangle becomes a group of its
-    # own. The new groups are numbered from `n_groups` on.
+    # neighbours: it is thicker than FLAT_GROUP times the mesh's size. Such a group is
+    # split up, and each triangle becomes a group of its own. The new groups are
+    # numbered from `n_groups` on.
     mesh_size = np.linalg.norm(np.ptp(vertices, axis=0))
     thicknesses = _measure_thicknesses(vertices, faces, group, group_normals)
     is_curved = (thicknesses > FLAT_GROUP * mesh_size)[group]
     group[is_curved] = n_groups + np.arange(is_curved.sum())
     normals = np.vstack([group_normals, face_normals[is_curved]])
 
-    # The planes are the groups that still have triangles.
+    # The planes are the groups that still have triangles, numbered from 0 again.
     groups_in_use, face_plane = np.unique(group, return_inverse=True)
     return face_plane.ravel(), normals[groups_in_use]
 
@@ -330,9 +339,11 @@ def compute_inward_displacements(
 ):
     """Compute the displacement of each vertex when the mesh is eroded by a radius of 1.
 
-    A vertex moves to a depth of 1 below all its planes. If no point has this depth, the
-    displacement is the least-squares solution. The planes are those of the faces,
-    followed by those that stand upright on the rims.
+    Erosion moves the surface inwards by the radius. Each vertex moves to a depth of 1
+    below all its planes. If its planes do not meet in a point of this depth, the
+    displacement is the least-squares solution. A rim is an open edge, which has only
+    one face. It gets a plane of its own, which stands upright on the face. The planes
+    are those of the faces, followed by those of the rims.
 
     Parameters
     ----------
@@ -352,8 +363,9 @@ def compute_inward_displacements(
     normals : ndarray (P, 3)
         Outward normals of the planes.
     """
-    # Make an upright plane on each rim. Its normal points out of the face, across the
-    # rim. The direction of the rim is reversed if its face traverses it the other way.
+    # Make an upright plane on each rim. `edge_faces` is -1 for the missing face, so the
+    # larger number is the face. The normal points out of the face, across the rim. The
+    # direction of the rim is reversed if its face traverses it the other way.
     rim_edges = np.flatnonzero((edge_faces < 0).any(axis=1))
     rim_faces = edge_faces[rim_edges].max(axis=1)
     rim_directions = _normalise(
@@ -374,7 +386,10 @@ def compute_inward_displacements(
     )
 
     # Solve a linear system for each vertex, so that its displacement along each of its
-    # normals is -1. Vertices with fewer planes than others have rows of zeros.
+    # normals is -1. Row `rank` of a matrix is the normal of the plane with this
+    # position among the planes of the vertex. Vertices with fewer planes than others
+    # have rows of zeros. The pseudo-inverse leaves out directions in which the normals
+    # differ by less than SAME_NORMAL, so nearly equal planes count as one.
     matrices = np.zeros((len(vertices), rank.max() + 1, 3))
     matrices[pairs[:, 0], rank] = normals[pairs[:, 1]]
     depths = np.any(matrices != 0.0, axis=2).astype(float)
@@ -478,6 +493,11 @@ def erode_mesh(vertices, faces, displacements, radius):
 def _make_face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, radius):
     """Make the rows of `Meshes.data` for the faces.
 
+    The mesh was eroded: its vertices have moved inwards by the edge radius. The eroded
+    mesh is called the core. The wall's surface lies one edge radius above the faces of
+    the core. Normals in the engine point from the body into the wall, so they are
+    opposite to the outward normals.
+
     Parameters
     ----------
     core, faces : ndarray (V, 3), (F, 3)
@@ -496,10 +516,10 @@ def _make_face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, r
     """
     rows = np.zeros((len(faces), COLUMNS))
     outward = plane_normals[face_plane]
-    # Normals in the engine point from the body into the wall.
+    # The normal into the wall
     rows[:, FACE_NORMAL : FACE_NORMAL + 3] = -outward
-    # All faces of a plane get the offset of the same face, so that their offsets are
-    # equal despite rounding.
+    # All faces of a plane get the offset of one of them, so that their offsets are
+    # equal despite rounding. In this assignment, the last face of each plane wins.
     plane_offsets = np.zeros(len(plane_normals))
     plane_offsets[face_plane] = -np.sum(core[faces[:, 0]] * outward, axis=1) - radius
     rows[:, FACE_OFFSET] = plane_offsets[face_plane]
@@ -532,6 +552,11 @@ def _sort_edges_by_face(edge_face):
 def _write_sides(rows, core, edges, edge_faces, outward):
     """Write the three sides of each face to its row of `Meshes.data`.
 
+    For each side, a row has four columns from SIDES + SIDE_COLUMNS * side on: the
+    normal of the side, in the plane of the face and into it, and the offset of the side
+    along this normal. The column STRICT + side has a flag: 1 if a point exactly on this
+    side belongs to the neighbour. `core` are the vertices of the eroded mesh.
+
     Parameters
     ----------
     rows : ndarray (F, COLUMNS)
@@ -545,11 +570,12 @@ def _write_sides(rows, core, edges, edge_faces, outward):
     """
     edge_directions = _normalise(core[edges[:, 1]] - core[edges[:, 0]])
     n_sides = np.zeros(len(rows), int)  # number of sides of each face written so far
-    # First write the sides that run in the direction of their edge, then those that run
-    # the other way. The face lies to the left of the edge in the first case, and to the
-    # right in the second.
+    # A face traverses each of its edges from the lower to the higher vertex (direction
+    # 0) or the other way (direction 1). In the first case it lies to the left of the
+    # edge, in the second to the right.
     for direction, sign in ((0, 1.0), (1, -1.0)):
         edge, face, rank = _sort_edges_by_face(edge_faces[:, direction])
+        # Number the sides of a face in the order in which they are written.
         side = n_sides[face] + rank
         # A vector in the plane of the face that points to the left of the edge
         left_normal = np.cross(outward[face], edge_directions[edge])
@@ -560,8 +586,8 @@ def _write_sides(rows, core, edges, edge_faces, outward):
         for axis in range(3):
             rows[face, column + axis] = sign * left_normal[:, axis]
         rows[face, column + 3] = sign * offset
-        # A point on an edge belongs only to the face that traverses it in its
-        # direction.
+        # A point on an edge belongs to the face that traverses it in direction 0.
+        # Therefore the flag of the other face is 1, the number of its direction.
         rows[face, STRICT + side] = float(direction)
         np.add.at(n_sides, face, 1)
 
@@ -673,9 +699,11 @@ def _project_rays(directions, ray_vertex, rays):
 def _turn_away_from_rays(directions, ray_vertex, rays):
     """Turn the direction of each vertex until all its rays recede from it, if possible.
 
-    The rays of a vertex are unit vectors along its edges. A ray recedes if its
-    component along the direction is negative. Each perceptron step turns a direction
-    away from the ray with the largest component.
+    The rays of a vertex are unit vectors along its edges, away from it. A ray recedes
+    from a direction if its component along this direction is negative, below
+    -LEAST_CONE. As in the perceptron algorithm, each step turns a direction away from
+    the ray with the largest component, so that this ray recedes by PERCEPTRON_MARGIN.
+    The steps are repeated at most PERCEPTRON_STEPS times.
 
     Parameters
     ----------
@@ -696,15 +724,19 @@ def _turn_away_from_rays(directions, ray_vertex, rays):
         if not is_worst.any():
             break
         step = (component[is_worst, None] + PERCEPTRON_MARGIN) * rays[is_worst]
+        # If two rays of a vertex have exactly the same component, only one of them
+        # takes effect. The next round handles the other.
         directions[ray_vertex[is_worst]] -= step
         directions = _normalise_or_zero(directions)
     return directions
 
 
 def _find_convex_vertices(core, edges, pairs, normals):
-    """Find the convex vertices, which have a set of normals of their own.
+    """Find the convex vertices of a mesh.
 
-    A vertex is convex if there is a direction from which all its edges recede.
+    A vertex is convex if there is a direction from which all its edges recede, that is,
+    have negative components. Only a convex vertex has normals that do not belong to one
+    of its edges or faces, so only there a body can touch the vertex itself.
 
     Parameters
     ----------
@@ -737,7 +769,8 @@ def _find_convex_vertices(core, edges, pairs, normals):
     np.add.at(sums, pairs[:, 0], normals[pairs[:, 1]])
     directions = _turn_away_from_rays(_normalise_or_zero(sums), ray_vertex, rays)
 
-    # A vertex is convex if every ray recedes from the direction that was found.
+    # A vertex is convex if even the ray with the largest component recedes from the
+    # direction that was found. Without edges, the largest component is -inf.
     _component, largest = _project_rays(directions, ray_vertex, rays)
     has_edges = np.isfinite(largest)
     convex_vertices = np.flatnonzero((largest < -LEAST_CONE) & has_edges)
@@ -745,7 +778,11 @@ def _find_convex_vertices(core, edges, pairs, normals):
 
 
 def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
-    """Find pairs of faces that share a vertex and meet in a concave kink below GENTLE.
+    """Find pairs of faces that share a vertex and meet in a gentle concave kink.
+
+    A kink is gentle if the normals of the two faces differ by less than GENTLE. Of two
+    such faces, a body touches only the one that it overlaps more. `core` are the
+    vertices of the eroded mesh.
 
     Parameters
     ----------
@@ -772,13 +809,15 @@ def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
     pairs = np.column_stack((has_vertex @ has_vertex.T).nonzero())
 
     # Keep gentle kinks: the planes differ, and their normals differ by a small angle.
+    # This also leaves out pairs of a face with itself.
     outward = plane_normals[face_plane]
     first, second = pairs.T
     cosine = np.sum(outward[first] * outward[second], axis=1)
     is_kink = face_plane[first] != face_plane[second]
     pairs = pairs[is_kink & (cosine > np.cos(GENTLE))]
 
-    # Keep concave kinks: the middle of the second face is above the plane of the first.
+    # Keep concave kinks: the surface rises at the kink, so the middle of the second
+    # face is above the plane of the first.
     first, second = pairs.T
     middle = core[faces].mean(axis=1)
     corner = core[faces[:, 0]]
@@ -789,14 +828,17 @@ def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
 
 
 def _split_bent_planes(core, vertices, faces, face_plane, plane_normals, radius):
-    """Split planes that the erosion has bent, so that each triangle has its own plane.
+    """Give each triangle of a bent plane a plane of its own.
 
-    A plane is bent if its corners are not all one edge radius below it.
+    A plane is a group of triangles that were coplanar before the erosion, which moves
+    the vertices inwards by the edge radius. It is bent if its corners are not all one
+    edge radius below it afterwards. The old planes remain in the list, although a bent
+    one has no triangles any more.
 
     Parameters
     ----------
     core, vertices : ndarray (V, 3)
-        Positions of the vertices after and before the erosion [m].
+        Positions of the vertices after (core) and before the erosion [m].
     faces : ndarray (F, 3)
         Vertices of each triangle.
     face_plane, plane_normals : ndarray (F,), (P, 3)
@@ -905,7 +947,12 @@ def find_features(vertices, faces, radius):
 
 
 def _compute_boxes(core, faces, data, radius):
-    """Compute the bounding box of each feature, with its rounding.
+    """Compute the bounding box of each feature of a mesh.
+
+    The box contains the feature with its rounding. The core is the eroded mesh, whose
+    vertices lie inwards of the surface by the edge radius. Edges and vertices of the
+    core are rounded by this radius in all directions. A face of the wall is flat: it
+    lies one radius outwards from its triangle of the core.
 
     Parameters
     ----------
@@ -923,10 +970,11 @@ def _compute_boxes(core, faces, data, radius):
     """
     face_rows = data[: len(faces)]
     other_rows = data[len(faces) :]
-    # The wall's face lies one radius outwards from the triangle of the core.
+    # FACE_NORMAL points into the wall, so minus the normal is outwards.
     inward = face_rows[:, None, FACE_NORMAL : FACE_NORMAL + 3]
     corners = core[faces] - radius * inward
-    # An edge is a cylinder from its start to its end. A vertex has the length 0.
+    # An edge is a cylinder from its start to its end. A vertex has its position in the
+    # column PLACE, like the start of an edge, and zeros for the length.
     start = other_rows[:, PLACE : PLACE + 3]
     along = other_rows[:, EDGE_ALONG : EDGE_ALONG + 3]
     end = start + other_rows[:, EDGE_LENGTH, None] * along
@@ -939,7 +987,8 @@ def _compute_boxes(core, faces, data, radius):
 def _sort_into_cells(core, faces, kind, data, radius):
     """Divide the mesh's box into a grid of cells, and list the features of each cell.
 
-    There are about as many cells as features.
+    There are about as many cells as features. `core` are the vertices of the eroded
+    mesh.
 
     Parameters
     ----------
@@ -973,14 +1022,17 @@ def _sort_into_cells(core, faces, kind, data, radius):
     upper = upper + GRID_MARGIN * cell_size
     n_cells = np.maximum(np.ceil((upper - lower) / cell_size), 1).astype(np.int64)
 
-    # Count the features of each cell, then list them. The list of a cell begins where
-    # the list of the cell before it ends.
+    # Count the features of each cell: with an empty array of items, `put_in_cells` only
+    # counts. The list of a cell begins where the list of the cell before it ends. The
+    # additional last element of `count` stays 0 and is not used.
     count = np.zeros(int(n_cells.prod()) + 1, np.int64)
     no_items = np.zeros(0, np.int64)
     put_in_cells(
         box_lower, box_upper, kind, data, lower, cell_size, n_cells, count, no_items
     )
     begin = np.concatenate([[0], np.cumsum(count[:-1])])
+    # The array has at least one element, since an empty one would make `put_in_cells`
+    # count. The copy of `begin` is increased while the lists are filled.
     items = np.zeros(max(int(begin[-1]), 1), np.int64)
     next_item = begin[:-1].copy()
     put_in_cells(
@@ -1040,8 +1092,10 @@ def put_in_cells(
 ):
     """Count the features of each cell, or write them to the lists of the cells.
 
-    If `items` is empty, the features are only counted. This has to be done first,
-    because the counts determine where the list of each cell begins.
+    If `items` is empty, the features are only counted in `next_item`, which must be
+    zero before. This has to be done first, because the counts determine where the list
+    of each cell begins. In the second call, `next_item` is the position of the next
+    feature of each cell in `items`.
 
     Parameters
     ----------
@@ -1071,8 +1125,7 @@ def put_in_cells(
                         data[feature], lower, cell_size, i, j, k
                     ):
                         continue
-                    # The first call only counts the features, the second one lists
-                    # them.
+                    # Write the feature unless this call only counts.
                     cell = (i * n_cells[1] + j) * n_cells[2] + k
                     if items.shape[0] > 0:
                         items[next_item[cell]] = feature
@@ -1121,15 +1174,17 @@ def _join_shifted(meshes, name, first_rows):
 def join_features(meshes, slide):
     """Join the features of several meshes into the arrays that the kernels need.
 
-    An index of a row in the array of one mesh becomes an index in the joined array, by
-    adding the number of rows of the previous meshes.
+    The arrays of the meshes are put one after another. Some of them hold indices of
+    rows in other arrays. Such an index is increased by the number of rows of the
+    previous meshes in that array. `Meshes` says which array each index refers to.
 
     Parameters
     ----------
     meshes : sequence of MeshFeatures
         The features of each mesh.
     slide : float
-        See `Meshes.slide`.
+        How far a body's deepest point may slide over the body when this moves by 1, see
+        `Meshes.slide`.
 
     Returns
     -------
@@ -1140,7 +1195,8 @@ def join_features(meshes, slide):
     first_rays = _find_first_rows(meshes, "rays")
     first_neighbours = _find_first_rows(meshes, "near")
     first_cells = _find_first_rows(meshes, "begin")
-    # The spans of vertices are ranges of `rays`, and all others are ranges of `near`.
+    # The spans of vertices are ranges of `rays`, and those of other features are ranges
+    # of `near`.
     spans = []
     for mesh_index, mesh in enumerate(meshes):
         first = np.where(
@@ -1148,6 +1204,7 @@ def join_features(meshes, slide):
         )
         spans.append(mesh.span + first[:, None])
     n_features = first_features[-1]
+    # `seen` and `stamp` are working memory of the searches.
     return Meshes(
         kind=_join_arrays(meshes, "kind"),
         data=_join_arrays(meshes, "data"),

@@ -436,7 +436,7 @@ def solve_edge(row, parts, edge, geometry):
 
 @inlined
 def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
-    """Return the gap between a body and a rounded vertex along n, and the next step of n.
+    """Return the gap of a body and a rounded vertex along n, and the next step of n.
 
     The step leads towards the normal of the largest gap. A vertex is rounded: it is a
     sphere with the edge radius. The gap to the sphere's centre, which is called sharp,
@@ -629,11 +629,11 @@ def solve_vertex(row, parts, meshes, feature, geometry):
 
 @inlined
 def solve_feature(row, parts, meshes, feature, radius, geometry):
-    """Compute the contact of a body with a feature of a mesh, and fill `geometry` for it.
+    """Compute the contact of a body with a feature of a mesh.
 
-    A feature is a face, a convex edge or a convex vertex. If the bounding sphere of the
-    body does not reach an edge or vertex, only the gap in `geometry` is written. The
-    gap is then a lower bound.
+    A feature is a face, a convex edge or a convex vertex. The contact is written to
+    `geometry`. If the bounding sphere of the body does not reach an edge or vertex,
+    only the gap is written there, which is then a lower bound.
 
     Parameters
     ----------
@@ -664,9 +664,10 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
         inside_distance = write_face_contact(row, parts, data, geometry)
-        # The contact point lies outside the triangle by -inside_distance. When the body
-        # moves by 1, it may move by 1, and slide over the body by `slide`, so this
-        # quotient is how far the body must move to touch the face.
+        # If the contact point lies outside the triangle, the inside distance is
+        # negative. When the body moves by 1, its deepest point moves by at most 1 +
+        # slide, since this point also slides over the body. So the body must move by
+        # this quotient before it touches the face.
         free_distance = max(
             geometry[contact_geometry.GAP], -inside_distance / (1.0 + meshes.slide[0])
         )

@@ -64,11 +64,13 @@ def constants(
 def kernel(
     law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
 ) -> None:
-    """Compute the torques on both bodies of each lane's contact.
+    """Compute the rolling and twisting torques on both bodies of each lane's contact.
 
     The torques oppose the angular velocity of A relative to B. The part of this
     velocity that is perpendicular to the normal is (wx, wy, wz), and the part along the
-    normal is `spin`. The torques in the rows TO_A and TO_B of `scratch` are changed.
+    normal is `spin`. Each torque has a limit: the friction coefficient times the force
+    that limits friction (row PUSH) times a length. The torques are added to those in
+    the rows TO_A and TO_B of `scratch`.
 
     Parameters
     ----------
@@ -88,9 +90,11 @@ def kernel(
         inverse_lever, mobility = compute_levers(scratch, lane)
         spin, wx, wy, wz = compute_relative_rotation(scratch, lane, nx, ny, nz)
 
-        # Rolling: the viscosity is the torque divided by the angular velocity. A value
-        # above stopping_limit would reverse the rotation in this step. TINY avoids a
-        # division by 0.
+        # Rolling. The viscosity is a damping constant, the torque divided by the
+        # angular velocity. A value above `stopping_limit` would reverse the rotation in
+        # this step. It follows from the moment of inertia of two spheres about their
+        # centres, whose factor is SPHERE_ABOUT_CENTRE. TINY avoids a division by 0,
+        # here and below.
         stopping_limit = SPHERE_ABOUT_CENTRE / (dt * mobility + TINY)
         rolling_limit = (
             scratch[ROLLING_FRICTION + lane] * scratch[tile.PUSH + lane] / inverse_lever
@@ -98,7 +102,8 @@ def kernel(
         rolling_speed = math.sqrt(wx * wx + wy * wy + wz * wz)
         viscosity = min(stopping_limit, rolling_limit / (rolling_speed + TINY))
 
-        # Twisting: the torque about the normal
+        # Twisting. The limit of the torque about the normal grows with the radius of
+        # the contact circle (row CIRCLE).
         twisting_limit = (
             scratch[TWISTING_FRICTION + lane]
             * scratch[tile.PUSH + lane]

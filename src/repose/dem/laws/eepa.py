@@ -92,6 +92,9 @@ def constants(
 ) -> np.ndarray:
     """Compute the constants of the law for two materials, in SI units.
 
+    L is the plasticity ratio, k1 and k2 are the stiffnesses of loading and unloading,
+    and d_p is the plastic overlap. L is below 1.
+
     Parameters
     ----------
     a, b : Material
@@ -112,7 +115,8 @@ def constants(
     hertz_constants = hertz_mindlin.constants(a, b, contact, tension)
     values = np.zeros(hertz_mindlin.LAW.n_rows + 3)
     values[: hertz_mindlin.LAW.n_constants] = hertz_constants
-    # L^(2/3), k2 / k1 and the strongest pull over sqrt(R* d_p)
+    # The rows PLASTIC_SHARE, STIFFENING and ADHESION: L^(2/3), which is d_p over the
+    # overlap while loading; k2 / k1; and the strongest pull divided by sqrt(R* d_p)
     values[-3] = plasticity ** (2.0 / 3.0)
     values[-2] = 1.0 / (1.0 - plasticity)
     values[-1] = 3.0 * math.pi * gamma * math.sqrt(2.0)
@@ -229,8 +233,13 @@ def compute_plastic_forces(
 ) -> None:
     """Compute the normal force without dashpot from the history of the overlap.
 
-    The rows FORCE and FLOOR of `scratch` and the row `plastic` of `history` are
-    overwritten.
+    With the overlap d and the plastic overlap d_p, a contact that is pressed follows
+    the loading branch. When it is released, it follows the unloading branch, which is
+    steeper by the factor `stiffening` and zero at d = d_p. This branch ends at the
+    adhesive branch, on which the bodies attract each other. The row FORCE of `scratch`
+    is overwritten with the force, FLOOR with the magnitude of the adhesive branch at
+    this overlap, and the row `plastic` of `history` with the plastic overlap. The order
+    of the two updates of the plastic overlap matters.
 
     Parameters
     ----------
@@ -249,13 +258,16 @@ def compute_plastic_forces(
         stiffness = scratch[NORMAL_STIFFNESS + lane]
         stiffening, adhesion = scratch[STIFFENING + lane], scratch[ADHESION + lane]
 
-        # If a contact on the adhesive branch is loaded again, its plastic overlap
-        # becomes smaller: that of the unloading branch through its previous point.
+        # A contact on the adhesive branch may be loaded again. Then it follows a new
+        # unloading branch through its last point. Its plastic overlap is where this
+        # branch is zero, and is smaller than before.
         plastic_overlap = history[plastic + lane]
         _, lowest, adhesive_share = compute_branches(
             stiffness, stiffening, adhesion, radius, plastic_overlap
         )
         old_circle = history[last_circle + lane]
+        # The overlap of the last step, from the radius of its contact circle, sqrt(R*
+        # d)
         old_overlap = old_circle * old_circle / max(radius, TINY)
         if circle > old_circle and stiffness * old_circle * old_overlap < lowest:
             load_ratio = 1.0 + adhesive_share / stiffening
@@ -272,6 +284,7 @@ def compute_plastic_forces(
         unloading = stiffening * (loading - pressed)
         scratch[FLOOR + lane] = adhesive_share * loading
         scratch[FORCE + lane] = max(unloading, -adhesive_share * loading)
+        # A contact that has parted has no plastic overlap.
         history[plastic + lane] = (
             state.flush_tiny(plastic_overlap) if overlap > 0.0 else 0.0
         )
@@ -287,8 +300,12 @@ def compute_forces(
 ) -> None:
     """Compute the forces of each lane from velocities, springs and the plastic force.
 
-    Call `compute_plastic_forces` first. The rows TO_A and PUSH of `scratch` and the
-    springs in `history` are overwritten.
+    Call `compute_contact_circles`, `update_springs` and `compute_plastic_forces` first.
+    They write the rows that are read here: CIRCLE (radius of the contact circle),
+    VISCOUS (sqrt(a m), with this radius a and the effective mass m), VN (normal
+    velocity), FORCE (the force without dashpot) and FLOOR (magnitude of the adhesive
+    branch at this overlap). The rows TO_A (the force on body A) and PUSH of `scratch`
+    and the springs in `history` are overwritten.
 
     Parameters
     ----------
@@ -309,14 +326,15 @@ def compute_forces(
         damped = (
             force + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tile.VN + lane]
         )
-        # With the options "release" and "cut", the dashpot must not increase the pull.
+        # With the tensions RELEASE and CUT, the dashpot must not increase the pull.
         smallest = -math.inf if tension == KEEP else min(force, 0.0)
         normal_force = max(damped, smallest)
         # Friction is limited by the sum of the normal force and the adhesion at this
         # overlap.
         chosen_force = force if friction_limit == ELASTIC else normal_force
         limit = abs(chosen_force + scratch[FLOOR + lane])
-        # the tangential spring and dashpot at this contact circle
+        # Stiffness and damping of the tangential spring depend on the radius of the
+        # contact circle.
         stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * circle
         damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
         write_forces(

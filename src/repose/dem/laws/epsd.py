@@ -129,11 +129,12 @@ def compute_arm_length(x: float, y: float, z: float) -> float:
 
 @inlined
 def compute_levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
-    """Compute the inverse lever and the mobility of a lane's contact.
+    """Compute the inverse effective lever arm and the mobility of a lane's contact.
 
-    The mobility 1/(m_a r_a^2) + 1/(m_b r_b^2) is that of two spheres with the masses m
-    of the bodies and the distances r of their centres from the contact. A wall has an
-    inverse mass of 0 and an infinite r.
+    With the distances r of the centres from the contact, the effective lever arm is R =
+    1 / (1/r_a + 1/r_b), as for an effective radius. The mobility 1/(m_a r_a^2) + 1/(m_b
+    r_b^2) is that of two spheres with the masses m of the bodies and these distances. A
+    wall has an inverse mass of 0 and an infinite r (`compute_arm_length`).
 
     Parameters
     ----------

@@ -90,7 +90,8 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
     log_e = math.log(restitution)
     if tension != "release" or restitution == 1.0:
         return -log_e / math.sqrt(log_e * log_e + math.pi * math.pi)
-    # Bisection: ln e decreases when beta increases.
+    # Bisection: ln e decreases when beta increases. The solution is searched between 0
+    # and 1 / e.
     low, high = 0.0, 1.0 / restitution
     middle = 0.5 * (low + high)
     # Stop when no floating-point number lies between low and high.
@@ -234,9 +235,10 @@ def oscillator(
 def compute_contact_circles(scratch: np.ndarray) -> None:
     """Compute the radius a of the contact circle, and sqrt(a m), of each contact.
 
-    The results are written to the rows CIRCLE and VISCOUS. They are 0 if the bodies do
-    not touch. The square roots are slow, so they have a short loop of their own, in
-    which the processor handles several lanes at once.
+    m is the effective mass. The results are written to the rows CIRCLE and VISCOUS,
+    whose names stand for these two quantities. They are 0 if the bodies do not touch.
+    The square roots are slow, so they have a short loop of their own, in which the
+    processor handles several lanes at once. Do not merge it with another loop.
 
     Parameters
     ----------
@@ -246,11 +248,12 @@ def compute_contact_circles(scratch: np.ndarray) -> None:
     for lane in range(LANES):
         gap = scratch[tile.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        # squared_radius * rsqrt(squared_radius) is the radius. It is 0 if the bodies do
-        # not touch.
+        # rsqrt(x) is 1 / sqrt(x), so squared_radius * rsqrt(squared_radius) is the
+        # radius. It is 0 if the bodies do not touch, since rsqrt(0) is finite.
         squared_radius = scratch[tile.RADIUS + lane] * overlap
         circle = squared_radius * rsqrt(squared_radius)
         scratch[tile.CIRCLE + lane] = circle
+        # sqrt(a m) is a / sqrt(a / m).
         scratch[VISCOUS + lane] = circle * rsqrt(
             circle * scratch[tile.INVERSE_MASS + lane]
         )
@@ -266,8 +269,11 @@ def compute_forces(
 ) -> None:
     """Compute the forces of each lane from velocities and springs of this step.
 
-    Call `compute_contact_circles` and `tangential.update_springs` first. The rows TO_A
-    and PUSH of `scratch` and the springs in `history` are overwritten.
+    Call `compute_contact_circles` first, which writes the rows CIRCLE (radius a of the
+    contact circle) and VISCOUS (sqrt(a m), with the effective mass m), and
+    `tangential.update_springs`, which writes the velocities. The rows TO_A (the force
+    on body A) and PUSH (the force that limits friction) of `scratch` and the springs in
+    `history` are overwritten by `write_forces`.
 
     Parameters
     ----------

@@ -49,11 +49,12 @@ LAST_CIRCLE = _history_rows.take()
 def rescale_springs(
     scratch: np.ndarray, history: np.ndarray, spring: int, last_circle: int
 ) -> None:
-    """Shorten springs of contacts whose load has grown, so that their force is kept.
+    """Shorten springs of contacts whose circle has grown, so that their force is kept.
 
     The stiffness of a spring is proportional to the radius of the contact circle. When
-    the radius grows by a factor, the length of the spring is divided by this factor.
-    The springs and the radii in `history` are changed.
+    the radius grows by a factor since the last step, the length of the spring is
+    divided by this factor. When it shrinks, the spring stays as it is. The springs and
+    the radii in `history` are changed.
 
     Parameters
     ----------

@@ -127,7 +127,11 @@ def constants(
 def circle_radius(
     a: Material, b: Material, contact: Contact, radius: float, overlap: float
 ) -> float:
-    """Compute the radius of the contact circle at an overlap.
+    """Compute the radius a of the contact circle at an overlap.
+
+    The radius is a = A s^2, where A is a length, and s the largest root of s^4 - s =
+    overlap R* / A^2. The left side is at least -DEPTH, so a contact ends at a gap of
+    DEPTH A^2 / R*.
 
     Parameters
     ----------
@@ -143,7 +147,7 @@ def circle_radius(
     Returns
     -------
     float
-        The radius a [m].
+        The radius a of the contact circle [m].
 
     Raises
     ------
@@ -152,9 +156,11 @@ def circle_radius(
     """
     work = work_of_adhesion(contact)
     young, _ = effective_moduli(a, b)
+    # Without cohesion, it is Hertz's radius.
     if work == 0.0:
         return math.sqrt(radius * max(overlap, 0.0))
-    # The radius is A s^2, with s^4 - s = overlap R* / A^2.
+    # `unit` is the length A. `excess` is s^4 - s + DEPTH, which is negative beyond the
+    # gap at which the contact ends.
     unit = (2.0 * math.pi * work * radius**2 / young) ** (1.0 / 3.0)  # A
     excess = overlap * radius / unit**2 + DEPTH
     if excess < 0.0:
@@ -254,8 +260,14 @@ def compute_cohesive_contacts(
 ) -> None:
     """Compute the contact circle, elastic force, pull-off force and reach of each lane.
 
-    The rows CIRCLE, VISCOUS, ELASTIC and PULL_OFF of `scratch` and the rows ROOT and
-    REACH of `history` are overwritten.
+    The radius of the contact circle is a = A s^2. The length A = (R*^2 BOND^2)^(1/3) is
+    the unit of radii, and s is the largest root of s^4 - s = overlap R* / A^2. The
+    reach is the gap up to which the bodies attract each other. The rows CIRCLE,
+    VISCOUS, ELASTIC and PULL_OFF of `scratch` and the rows ROOT (the square root of A,
+    or 0 without cohesion) and REACH of `history` are overwritten.
+
+    The loop has no branches, so that it becomes vector code: it computes each lane with
+    and without cohesion, and selects one. `touching` is 1.0 or 0.0.
 
     Parameters
     ----------
@@ -275,8 +287,9 @@ def compute_cohesive_contacts(
         )
         is_cohesive = root_a > 0.0
 
-        # The square root of A. One step of Newton's method for the cube root suffices,
-        # because R* changes little in a time step.
+        # The square root of A is the cube root of R* BOND. One step of Newton's method,
+        # from the value of the last time step in `history`, suffices, because R*
+        # changes little in a step.
         circle_unit = root_a * root_a if is_cohesive else 1.0
         root_a -= (root_a - radius * scratch[BOND + lane] / circle_unit) / 3.0
         # The units A of the circle and A^2 / R* of the overlap, and the gap at which
@@ -286,7 +299,9 @@ def compute_cohesive_contacts(
         end_gap = DEPTH * overlap_unit if is_cohesive else 0.0
         touching = 1.0 if gap <= end_gap else 0.0
 
-        # The force with cohesion, a function of s
+        # The force with cohesion, pi w R* (8/3 s^6 - 4 s^3). The lower bound of
+        # `excess` keeps the solver away from the end of the contact, where its
+        # derivative is 0.
         excess = DEPTH - gap / overlap_unit
         s = _solve_root(excess if excess > SMALLEST_EXCESS else SMALLEST_EXCESS)
         s_cubed = s * s * s
@@ -302,10 +317,12 @@ def compute_cohesive_contacts(
 
         circle = touching * circle_unit * s * s if is_cohesive else dry_circle
         scratch[tile.CIRCLE + lane] = circle
+        # VISCOUS is sqrt(a m), and rsqrt(x) is 1 / sqrt(x).
         scratch[VISCOUS + lane] = math.sqrt(circle) * rsqrt(
             scratch[tile.INVERSE_MASS + lane]
         )
         scratch[ELASTIC + lane] = cohesive_force if is_cohesive else dry_force
+        # The pull-off force, the strongest attraction, is 3/2 pi w R*.
         scratch[PULL_OFF + lane] = 1.5 * work_radius
         history[root + lane] = root_a if is_cohesive else 0.0
         history[reach + lane] = end_gap
@@ -321,12 +338,14 @@ def compute_forces(
 ) -> None:
     """Compute the forces of each lane from velocities, springs and the elastic force.
 
-    Call `compute_cohesive_contacts` first. The rows TO_A and PUSH of `scratch` and the
-    springs in `history` are overwritten.
+    Call `compute_cohesive_contacts` and `tangential.update_springs` first. The rows
+    TO_A (the force on body A) and PUSH of `scratch` and the springs in `history` are
+    overwritten.
 
-    The pull-off force is added before `tangential.compute_normal_forces` is called and
-    subtracted afterwards. Therefore a contact with the tension "release" ends when its
-    pull reaches the pull-off force, instead of when the force vanishes.
+    The pull-off force is the strongest attraction of a contact. It is added before
+    `tangential.compute_normal_forces` is called, and subtracted from its result.
+    Therefore a contact with the tension "release" ends when its pull reaches the
+    pull-off force, instead of when the force vanishes.
 
     Parameters
     ----------
@@ -349,10 +368,12 @@ def compute_forces(
         normal_force, limit = compute_normal_forces(
             elastic, damped, tension, friction_limit
         )
-        # Friction is limited by the normal force plus twice the pull-off force.
+        # The limit of friction is the normal force plus twice the pull-off force. It
+        # contains this force once already, from the addition above.
         normal_force -= pull_off
         limit += pull_off
-        # The tangential spring and dashpot at this contact circle
+        # Stiffness and damping of the tangential spring depend on the radius of the
+        # contact circle.
         stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * scratch[tile.CIRCLE + lane]
         damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
         write_forces(

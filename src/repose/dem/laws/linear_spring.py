@@ -155,10 +155,11 @@ def oscillator(
 def kernel(
     law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
 ) -> None:
-    """Compute the forces of 32 contacts, one in each lane, of this time step.
+    """Compute the forces of LANES contacts, one in each lane, of this time step.
 
-    The rows TO_A, PUSH and CIRCLE of `scratch` and the springs in `history` are
-    overwritten.
+    The rows TO_A (the force on body A), PUSH (the force that limits friction) and
+    CIRCLE (radius of the contact circle) of `scratch` and the springs in `history` are
+    overwritten. `write_forces` writes the first two.
 
     Parameters
     ----------
@@ -183,7 +184,9 @@ def kernel(
         overlap = -gap if gap < 0.0 else 0.0
         scratch[tile.CIRCLE + lane] = math.sqrt(scratch[tile.RADIUS + lane] * overlap)
 
-        # The normal force is the sum of the forces of the spring and the dashpot.
+        # The normal force is the sum of the forces of the spring and the dashpot. The
+        # constant STIFFNESS is the stiffness divided by the effective radius. `viscous`
+        # is sqrt(k m), with the stiffness k and the effective mass m.
         stiffness = touching * scratch[STIFFNESS + lane] * scratch[tile.RADIUS + lane]
         viscous = math.sqrt(stiffness) * rsqrt(scratch[tile.INVERSE_MASS + lane])
         elastic = stiffness * overlap

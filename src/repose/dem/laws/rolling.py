@@ -53,11 +53,13 @@ def constants(
 def kernel(
     law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
 ) -> None:
-    """Compute the budgets of both bodies of 32 contacts, one in each lane.
+    """Compute the rolling resistance that each contact allows on both of its bodies.
 
-    A budget is a torque: mu_r times the force that limits friction times the arm. The
-    arm is the distance of the contact from the centre of the body. The rows ROLL of
-    TO_A and TO_B are overwritten.
+    This limit of a torque is called a budget: mu_r times the force that limits friction
+    times the arm, the distance of the contact from the centre of the body. The budgets
+    of LANES contacts, one in each lane, are written to the rows ROLL of TO_A and TO_B.
+    `tangential` has written the force to the row PUSH. The engine adds up the budgets
+    of each body and applies the resistance.
 
     Parameters
     ----------
@@ -71,7 +73,8 @@ def kernel(
     """
     for lane in range(LANES):
         torque_per_arm = scratch[ROLLING_FRICTION + lane] * scratch[tile.PUSH + lane]
-        # Body A. squared_arm * rsqrt(squared_arm) is the length of the arm.
+        # Body A. The length of the arm is squared_arm * rsqrt(squared_arm), where
+        # rsqrt(x) is 1 / sqrt(x). For an arm of 0 it is 0, since rsqrt(0) is finite.
         x, y, z = lane_vector(scratch, tile.RA, lane)
         squared_arm = x * x + y * y + z * z
         scratch[BUDGET_A + lane] = torque_per_arm * squared_arm * rsqrt(squared_arm)

@@ -105,7 +105,10 @@ def compute_contact_area(overlap: float, radius: float, inverse_sum: float) -> f
 def geometry(
     law: Any, scratch: np.ndarray, history: np.ndarray, of_spheres: int, on_wall: int
 ) -> None:
-    """Compute the row INVERSE_SUM, the inverse sum of the radii at each lane's contact.
+    """Compute the inverse sum of the radii at each lane's contact (row INVERSE_SUM).
+
+    The radii are those of the two surfaces at the contact. The kernel of the law needs
+    the sum for the contact area.
 
     Parameters
     ----------
@@ -122,14 +125,16 @@ def geometry(
         if on_wall:
             scratch[INVERSE_SUM + lane] = 0.0
         elif of_spheres:
-            # Contacts of spheres keep the sum of the radii, which is 0 in unused lanes.
+            # Contacts of spheres of clumps keep the sum of the radii (row REACH), which
+            # is 0 in unused lanes.
             sum_of_radii = history[clump_tile.REACH + lane]
             scratch[INVERSE_SUM + lane] = (
                 1.0 / sum_of_radii if sum_of_radii > 0.0 else 0.0
             )
         else:
             # The radius of a smooth body is the geometric mean of its two radii of
-            # curvature. AREA_A and AREA_B are the products of these radii.
+            # curvature. AREA_A and AREA_B are the products of these radii. They are
+            # above 0 in all lanes, also those of the absent body.
             sum_of_radii = math.sqrt(scratch[tile.AREA_A + lane]) + math.sqrt(
                 scratch[tile.AREA_B + lane]
             )

@@ -55,11 +55,11 @@ SPIN_B = tile.B + state.ANGULAR_VELOCITY * LANES
 def update_springs(
     scratch: np.ndarray, history: np.ndarray, spring: int, dt: float, reach: int = 0
 ) -> None:
-    """Update the tangential springs by the relative velocity of the bodies in each lane.
+    """Update each lane's tangential spring by the relative velocity of its bodies.
 
-    The spring is the path of the contact point of A relative to that of B since the
-    contact began. It is 0 in lanes without a contact. The springs in `history` and the
-    rows V and VN of `scratch` are overwritten.
+    The spring is the tangential displacement of the contact point of A relative to that
+    of B since the contact began. It is 0 in lanes without a contact. The springs in
+    `history` and the rows V and VN of `scratch` are overwritten.
 
     Parameters
     ----------
@@ -88,12 +88,14 @@ def update_springs(
         wax, way, waz = lane_vector(scratch, SPIN_A, lane)
         wbx, wby, wbz = lane_vector(scratch, SPIN_B, lane)
 
-        # Relative velocity at the contact point: v_a - v_b + w_a x a - w_b x b
+        # (vx, vy, vz) is the relative velocity at the contact point, v_a - v_b + w_a x
+        # a - w_b x b.
         vx = vax - vbx + way * az - waz * ay - (wby * bz - wbz * by)
         vy = vay - vby + waz * ax - wax * az - (wbz * bx - wbx * bz)
         vz = vaz - vbz + wax * ay - way * ax - (wbx * by - wby * bx)
 
-        # The normal and the tangential part of this velocity
+        # Split it. From here on, (vx, vy, vz) is the tangential part, and vn the normal
+        # part.
         vn = vx * nx + vy * ny + vz * nz
         vx -= vn * nx
         vy -= vn * ny
@@ -103,13 +105,14 @@ def update_springs(
 
         # `touching` is 1.0 while the contact lasts. Otherwise it is 0.0, which resets
         # the spring to zero length.
-        if reach > 0:  # for a law without reach, this must compile to one comparison
+        # The index `reach` is a constant, so the compiler keeps only one branch.
+        if reach > 0:
             touching = 1.0 if scratch[tile.GAP + lane] <= history[reach + lane] else 0.0
         else:
             touching = 1.0 if scratch[tile.GAP + lane] < 0.0 else 0.0
 
-        # The spring loses its part along the normal, and grows by the path of this
-        # step.
+        # (ex, ey, ez) is the spring. It loses its part along the normal, and grows by
+        # the tangential path of this step.
         ex, ey, ez = lane_vector(history, spring, lane)
         normal_part = ex * nx + ey * ny + ez * nz
         history[spring + lane] = state.flush_tiny(
@@ -165,8 +168,11 @@ def write_forces(
 ) -> None:
     """Write the force on body A of one lane, whose friction obeys Coulomb's limit.
 
-    The spring in `history` and the rows TO_A, PUSH and DASHPOT of `scratch` are
-    overwritten.
+    The normal force, the stiffness and the damping constant are those of the contact
+    law. The spring in `history` and the rows TO_A (the force on body A), PUSH (`limit`)
+    and DASHPOT (`damping`) of `scratch` are overwritten. The row SHARE holds the
+    fraction of the dashpot that acts: all dashpots of a body together must not reverse
+    its rotation.
 
     Parameters
     ----------
@@ -189,20 +195,22 @@ def write_forces(
         The row SHARE holds the share of the dashpot that acts.
     """
     scratch[tile.DASHPOT + lane] = damping
+    # DASHPOT keeps the whole constant. From here on, only the fraction acts.
     damping *= scratch[tile.SHARE + lane]
     largest_force = friction * limit
 
     # Shorten the spring if the magnitude of its force, -(sx, sy, sz), exceeds the
-    # limit.
+    # limit. rsqrt(x) is 1 / sqrt(x); rsqrt(0) is large but finite, so that a spring of
+    # length 0 stays 0.
     ex, ey, ez = lane_vector(history, spring, lane)
     sx, sy, sz = stiffness * ex, stiffness * ey, stiffness * ez
     factor = largest_force * rsqrt(sx * sx + sy * sy + sz * sz)
     factor = factor if factor < 1.0 else 1.0
     write_vector(history, spring, lane, factor * ex, factor * ey, factor * ez)
 
-    # Add the dashpot and cut the sum to the limit. The velocities are read here, one by
-    # one. If they were read earlier, the compiler would fuse other products, which
-    # would change the last bits of the result.
+    # Add the force of the dashpot, and shorten the sum to the limit. The velocities are
+    # read here, one by one. If they were read earlier, the compiler would fuse other
+    # products, which would change the last bits of the result.
     fx = factor * sx + damping * scratch[tile.V + lane]
     fy = factor * sy + damping * scratch[tile.V + LANES + lane]
     fz = factor * sz + damping * scratch[tile.V + 2 * LANES + lane]
