@@ -26,6 +26,10 @@ def write_body(
 ) -> None:
     """Write a body into the arrays of the bodies.
 
+    Position, velocity and mass are in the body's row of `bodies.rows`. The numbers of
+    its rotation are in a tile of `bodies.motion`. `write_body_shape` computes the rest
+    from both, so it comes last.
+
     Parameters
     ----------
     bodies : repose.dem.kernels.state.Bodies
@@ -35,32 +39,32 @@ def write_body(
     body : Body
         Its shape, position, orientation, velocities and scale.
     parts : int
-        Largest number of ellipsoids of a body (`shapes.count_ellipsoids`).
+        Largest number of ellipsoids of any body (`shapes.count_ellipsoids`).
     scratch : ndarray
-        Scratch tile of bodies, which is overwritten.
+        Working memory for a tile of bodies (`kernels.body_tile`). It is overwritten.
     """
     # The mass is proportional to the third power of the lengths, and the moments of
     # inertia to the fifth power.
     mass = body.shape.mass_kg * body.scale**3
     inertia = body.shape.inertia_kg_m2 * body.scale**5
 
-    # Position, velocities and mass are in a row of their own.
+    # A row of `bodies.rows` has the numbers of one body side by side.
     row = bodies.rows[index]
     row[state.POSITION : state.POSITION + 3] = body.position
     row[state.VELOCITY : state.VELOCITY + 3] = body.velocity
     row[state.ANGULAR_VELOCITY : state.ANGULAR_VELOCITY + 3] = body.angular_velocity
     row[state.INVERSE_MASS] = 1.0 / mass
 
-    # The moments of inertia are about the axes of the body. Therefore the angular
-    # momentum is computed in the frame of the body and rotated back to that of the
-    # world.
+    # The moments of inertia are about the axes of the body. Therefore rotate the
+    # angular velocity into these axes, multiply it by the moments, and rotate the
+    # angular momentum back into the axes of the world.
     rotation = rotation_matrix(body.quaternion)
     velocity_in_body = rotation.T @ body.angular_velocity
     angular_momentum = rotation @ (inertia * velocity_in_body)
     bounding_radius = body.shape.bounding_radius_m * body.scale
 
-    # The numbers of the rotation are in a tile of LANES bodies (`kernels.rows`). In the
-    # tile, the numbers of one body are LANES places apart.
+    # In a tile of LANES bodies, the numbers of one body are LANES places apart
+    # (`kernels.rows`). The slice is a view of them.
     tile = bodies.motion[index // state.LANES]
     body_numbers = tile[index % state.LANES :: state.LANES]
     _write_numbers(body_numbers, state.QUATERNION, body.quaternion)
@@ -68,7 +72,7 @@ def write_body(
     _write_numbers(body_numbers, state.INVERSE_MOMENTS, 1.0 / inertia)
     _write_numbers(body_numbers, state.SQUARES, _compute_squared_axes(body))
     _write_numbers(body_numbers, state.RADIUS, np.array([bounding_radius]))
-    # The kernel computes the numbers that depend on the orientation.
+    # The kernel computes the numbers that depend on the orientation from those above.
     write_body_shape(bodies, index, parts, scratch)
 
 

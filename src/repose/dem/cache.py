@@ -93,14 +93,18 @@ class KernelCache(NullCache):
         return cache_folder()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the stored code of a signature.
+        """Return the stored code of a signature, the types of the arguments.
+
+        This is the method that numba calls before it compiles a function. If there is
+        no stored code, the lock of the kernel is taken and kept, so that other
+        processes wait until `save_overload` releases it.
 
         Parameters
         ----------
         sig : object
             The types of the arguments.
         target_context : object
-            numba's description of the processor.
+            numba's target context, which describes the processor.
 
         Returns
         -------
@@ -108,40 +112,43 @@ class KernelCache(NullCache):
             The code. If it is None, numba compiles the function and calls
             `save_overload`. Until then, this process holds the lock of the kernel.
         """
-        # numba's own method also loads its declarations for the compiler, which takes
-        # 0.3 s and is not needed here.
+        # The method of numba's own cache also loads information that only its compiler
+        # needs. This takes 0.3 s. The runtime is enough here.
         rtsys.initialize(target_context)
         path = self._build_path(sig, target_context.codegen())
         stored = _read_code(path, sig)
         if stored is None:
-            # Another process may be compiling it. Wait for that process, and look
-            # again.
+            # Another process may be compiling this function. Wait until it releases the
+            # lock, and look again.
             _lock_kernel(path)
             stored = _read_code(path, sig)
             if stored is None:
                 return None
             _unlock_kernel(path)
+        # `_rebuild` is the private counterpart of `_reduce` in `save_overload`.
         return CompileResult._rebuild(target_context, *stored)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the code that numba has compiled for a signature.
 
-        The lock of the kernel is released, so that processes waiting for this code
-        continue.
+        Afterwards, the lock of the kernel is released, which `load_overload` has taken,
+        so that processes waiting for this code continue. If the call fails,
+        `_UnlockOnFailure` releases it.
 
         Parameters
         ----------
         sig : object
             The types of the arguments.
         data : CompileResult
-            The compiled code. If only Python calls the function, its bitcode is
-            replaced by a stub.
+            The compiled code. If no kernel calls the function, its bitcode is replaced
+            by a stub, in place.
         """
         path = self._build_path(sig, data.codegen)
         if not self._is_called_by_kernels:
-            # No kernel links this function, so its bitcode is not needed, and reading
-            # it would take 0.1 s. The stub has the name of the function that Python
-            # calls.
+            # Only Python calls this function. Bitcode is needed to link a function into
+            # others, and reading it would take 0.1 s. The stub is an empty function
+            # with the name that numba looks up, that of the wrapper for calls from
+            # Python. `_shared_module` is a private attribute of numba.
             name = data.fndesc.llvm_cpython_wrapper_name
             stub = f'define void @"{name}"() {{ ret void }}'
             data.library._shared_module = binding.parse_assembly(stub)
@@ -151,19 +158,23 @@ class KernelCache(NullCache):
         _unlock_kernel(path)
 
     def _build_path(self, signature: object, codegen: Any) -> str:
-        """Build the path of a signature's code from everything that the code depends on.
+        """Build the path of a signature's code from all that the code depends on.
+
+        Whatever changes the code must be in `sources` or `compiler`. Otherwise old code
+        would be used.
 
         Parameters
         ----------
         signature : object
             The types of the arguments.
         codegen : object
-            numba's generator of code, which knows the type of the processor.
+            numba's code generator, which knows the type of the processor.
 
         Returns
         -------
         str
-            The path, which ends with 24 digits of a hash.
+            The path. It ends with 24 hexadecimal digits of a hash, from which
+            `_set_lock` takes an offset.
         """
         function = self._function
         name = f"{function.__module__}.{function.__qualname__}"
@@ -220,7 +231,8 @@ def _write_code(path: str, content: bytes) -> None:
     content : bytes
         Its content.
     """
-    # The file is first written under another name, so that no process reads half of it.
+    # The file is first written under another name and then renamed in one step, so that
+    # no process reads half of it.
     temporary = f"{path}.{uuid.uuid4().hex}"
     try:
         with open(temporary, "wb") as file:
@@ -259,21 +271,24 @@ def _unlock_kernel(path: str) -> None:
 
 
 def _set_lock(path: str, operation: int) -> None:
-    """Lock or unlock a kernel's byte of the lock file in its folder.
+    """Lock or unlock one byte of the lock file, which belongs to one kernel.
 
-    The call does nothing if the lock file cannot be created.
+    All kernels of a folder share a lock file, each with a byte of its own. The file is
+    opened once and kept in `_lock_files`. If the file cannot be created or locked, the
+    call does nothing: then several processes may compile the same kernel.
 
     Parameters
     ----------
     path : str
-        File of the kernel's code.
+        File of the kernel's code. Its name must end with hexadecimal digits, as
+        `_build_path` makes it.
     operation : int
-        A lock operation of `fcntl`.
+        A lock operation of `fcntl`: LOCK_EX or LOCK_UN.
     """
     kernel_folder = os.path.dirname(path)
-    # The last 15 hexadecimal digits of the file's name give the position of the byte,
-    # so that it differs between kernels and is below 2^60. A lock may lie beyond the
-    # end of the lock file.
+    # The last 15 hexadecimal digits of the file's name are part of a hash. As a number
+    # below 2^60, they give the byte's offset, which therefore differs between kernels.
+    # A lock may lie beyond the end of the lock file.
     byte_place = int(path[-15:], 16)
     with contextlib.suppress(OSError):
         if kernel_folder not in _lock_files:
@@ -303,10 +318,13 @@ event.register("numba:compile", _UnlockOnFailure())
 
 
 def add_law_sources(*functions: Callable[..., Any] | None) -> None:
-    """Make the cache depend on the functions of a law.
+    """Make the path of the cache folder depend on the functions of a law.
 
-    A law of this package changes nothing. A law from another package changes the path
-    of the cache folder for all kernels.
+    The code of a law from another package is compiled into the kernels, so the cache
+    must notice when it changes. The function adds a description of these sources to
+    `outside_sources`, which is part of the hash in the name of the folder. It must be
+    called before the path is used. The functions of this package are part of that hash
+    anyway, so a law that consists of them changes nothing.
 
     Parameters
     ----------
@@ -326,6 +344,7 @@ def add_law_sources(*functions: Callable[..., Any] | None) -> None:
         modules = {function.__module__, *_list_called_modules(function)}
         for module in sorted(modules):
             if not module.startswith(package_prefix):
+                # The key only has to be different for each module and function.
                 key = f"{module} {function.__name__}"
                 outside_sources[key] = _describe_source(module, function)
 

@@ -135,9 +135,11 @@ def check_array(
     allowed : str
         Describes the accepted values in the message.
     accepts : callable
-        Further condition that the array must fulfil.
+        A further condition: a function of the array. The array is accepted if the
+        result is true.
     rows : bool
-        Whether a single row is accepted without the outer brackets.
+        Whether a single row is accepted without the outer brackets, such as (x, y, z)
+        in place of ((x, y, z),).
 
     Returns
     -------
@@ -149,12 +151,13 @@ def check_array(
     ValueError
         If the value is not such an array.
     """
-    # With ndmin, numpy adds the missing dimension to a row without brackets.
+    # With `ndmin`, numpy adds the missing outer dimension to a single row.
     fewest_dimensions = len(shape) if rows else 0
     try:
         numbers = np.array(value, float, ndmin=fewest_dimensions)
     except (TypeError, ValueError):
-        numbers = np.array(np.nan)  # rejected below, since it is not finite
+        # NaN is rejected below, since it is not finite.
+        numbers = np.array(np.nan)
     is_valid = (
         _has_shape(numbers, shape) and np.all(np.isfinite(numbers)) and accepts(numbers)
     )

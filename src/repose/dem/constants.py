@@ -36,7 +36,7 @@ class Constant(NamedTuple):
     most: float = math.inf
 
     def check(self, value: object) -> float:
-        """Return a value of this constant as a number.
+        """Convert a value of this constant to a number, and check that it is allowed.
 
         Parameters
         ----------

@@ -62,18 +62,23 @@ def _make_pair_lists(
 def new_wall_contacts(
     capacity: int, n_walls: tuple[int, int, int], has_clumps: bool, n_state: int
 ) -> list[Any]:
-    """Make empty lists of contacts with planes, with cones and rings, and with meshes.
+    """Make empty lists of contacts with planes, with curved walls and with meshes.
+
+    Curved walls are cones, tubes and ring edges. The lists grow later. They begin with
+    some spare elements, so that the lists of a few bodies do not fill up at once: for
+    clumps, MOST_SPHERES times as many, since each sphere has a contact of its own.
 
     Parameters
     ----------
     capacity : int
         Largest number of bodies.
     n_walls : tuple of int
-        Numbers of planes, of cones and rings, and of meshes.
+        Numbers of planes, of curved walls, and of meshes. The lists are returned in the
+        same order.
     has_clumps : bool
         Whether the bodies are clumps of spheres.
     n_state : int
-        Rows that the force laws keep for each contact.
+        Number of rows that the force laws keep for each contact.
 
     Returns
     -------
@@ -89,10 +94,13 @@ def new_wall_contacts(
         capacity + spare,
         capacity + spare if n_meshes else 1,
     ]
-    # The first rows of a contact are its geometry. The rows of the laws follow.
+    # The first rows of a contact are its geometry, which needs more rows for clumps.
+    # Those of the laws follow. A row has LANES numbers, and `first_law_row` is the
+    # index of the first number of a row.
     first_law_row = clump_tile.WALL_STATE if has_clumps else state.WALL_STATE
     n_rows = first_law_row // state.LANES + n_state
-    absent_body = capacity  # unused entries have this number, which no body has
+    # Unused elements of a list have the index of the ghost, which no body has.
+    absent_body = capacity
     lists = []
     for length, count in zip(lengths, n_walls, strict=True):
         lists.append(

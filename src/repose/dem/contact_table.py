@@ -62,13 +62,15 @@ def index_contacts(
             raise ValueError(
                 f"contacts has {pair!r}; expected pairs of {', '.join(materials)}"
             )
-        # The user may give a pair in both orders, but not with different contacts.
+        # The user may give a pair in both orders, but not with different contacts. If
+        # the pair is new, it is compared with itself.
         if contact_of_pair.get(pair, contact) != contact:
             raise ValueError(
                 f"contacts has {pair!r} in both orders; "
                 "expected one of them, or the same for both"
             )
         contact_of_pair[pair] = contact
+        # The reversed pair; for two equal names, it is the same key.
         contact_of_pair[pair[::-1]] = contact
     return contact_of_pair
 
@@ -138,7 +140,10 @@ def check_constants(law: Law, numbers: MaterialNumbers, contacts: PairContacts) 
 
 
 def _check_constants_of_contact(law: Law, values: Mapping[str, float]) -> None:
-    """Check the constants of one contact.
+    """Check the constants that a user gave for one pair of materials.
+
+    The law lists the constants that it needs in `law.asks`. All of these must be there,
+    and no others.
 
     Parameters
     ----------

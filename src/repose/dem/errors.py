@@ -1,4 +1,4 @@
-"""Report a fault in a user's file, with a short representation of the wrong value."""
+"""Report an error in a user's file, with a short representation of the wrong value."""
 
 import reprlib
 from collections.abc import Iterable
@@ -24,7 +24,7 @@ def did_you_mean(word: str, names: Iterable[str]) -> str:
 
     The question is empty if no name is similar to the word.
     """
-    # Imported here because it is needed only if there is a fault.
+    # This import is slow, and needed only if there is an error.
     from difflib import get_close_matches
 
     matches = get_close_matches(word, list(names), 1)
@@ -48,7 +48,9 @@ class InputError(ValueError):
     """
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
-        # If a name is wrong, suggest the listed name that was probably meant.
+        """Build the message; the parameters are those of the class."""
+        # If the user wrote a wrong name, suggest the most similar one. The names are
+        # taken from the wording of `allowed`, see `_find_names`.
         names = _find_names(allowed)
         if isinstance(value, str) and len(names) > 1:
             allowed += did_you_mean(value, names)

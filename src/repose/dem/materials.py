@@ -27,6 +27,7 @@ class Material:
     poisson_ratio: float
 
     def __post_init__(self) -> None:
+        """Check the values of the material."""
         check_positive("shear_modulus_pa", self.shear_modulus_pa)
         check_number(
             "poisson_ratio",
@@ -76,6 +77,7 @@ class Contact:
     constants: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
+        """Check the values of the contact."""
         check_number(
             "restitution",
             self.restitution,

@@ -158,12 +158,18 @@ class Observables(World):
         ndarray (M, 2)
             Indices of the two bodies, the smaller one first. The rows are sorted.
         """
+        # `pairs.first` and `pairs.second` list the touching pairs; near pairs are in
+        # other arrays.
         n_pairs = self.counts[state.N_PAIRS]
         first = self.pairs.first[:n_pairs]
         second = self.pairs.second[:n_pairs]
+        # The engine may have renumbered the bodies. `_user_numbers` turns its indices
+        # into those that `add` returned. The indexing makes a copy, which can be sorted
+        # in place.
         pairs = self._user_numbers[np.column_stack([first, second])]
         pairs.sort(axis=1)
-        # Several spheres of two clumps may touch. Such a pair is listed once.
+        # Several spheres of two clumps may touch. `np.unique` lists such a pair once,
+        # and sorts the rows.
         if self._has_clumps:
             return np.unique(pairs, axis=0)
         order = np.lexsort((pairs[:, 1], pairs[:, 0]))  # by the first, then the second
@@ -185,7 +191,10 @@ class Observables(World):
         first = self.pairs.first[:n_pairs]
         second = self.pairs.second[:n_pairs]
         bodies = np.column_stack([first, second])
+        # Smooth bodies have no array of spheres, so an empty one takes its place.
+        # Clumps are never renumbered by the engine.
         spheres = self.pairs.spheres[:n_pairs] if n_pairs else np.zeros((0, 2))
+        # The first three rows of a contact are its normal.
         normals = state.contact_rows(self.pairs.data, n_pairs)[:, :3].copy()
         return bodies.astype(np.int64), spheres.astype(np.int64), normals
 
@@ -201,11 +210,15 @@ class Observables(World):
             The overlaps [m].
         """
         n_pairs = int(self.counts[state.N_PAIRS])
+        # The engine may have renumbered the bodies. `_user_numbers` turns its indices
+        # into those that `add` returned.
         first = self._user_numbers[self.pairs.first[:n_pairs]]
         second = self._user_numbers[self.pairs.second[:n_pairs]]
-        # The normals point from the first body to the second.
+        # The first three rows of a contact are its normal, from the first body to the
+        # second.
         normals = state.contact_rows(self.pairs.data, n_pairs)[:, :3]
-        first_spheres = second_spheres = None  # of smooth bodies
+        # Smooth bodies have no spheres. Of two clumps, a contact names the spheres.
+        first_spheres = second_spheres = None
         if self._has_clumps:
             first_spheres, second_spheres = self.pairs.spheres[:n_pairs].T
 
@@ -235,6 +248,8 @@ class Observables(World):
         At a contact, the wall is replaced by its tangent plane n.x = c. If h is the
         support function of the body and x is its centre, the overlap is h(n) + n.x - c.
         """
+        # Compute the overlaps kind by kind. Those with meshes were stored in the last
+        # step.
         plane_bodies, planes, plane_overlaps = self._compute_plane_overlaps()
         curved_bodies, curved_walls, curved_overlaps = self._compute_curved_overlaps()
         mesh_bodies, meshes, _, _, mesh_overlaps = self.mesh_contacts()
@@ -261,10 +276,13 @@ class Observables(World):
             The overlaps [m].
         """
         n_contacts = int(self.counts[state.N_PLANE])
+        # `flat` is the list of contacts with planes. The engine may have renumbered the
+        # bodies. `_user_numbers` turns its indices into those that `add` returned.
         bodies = self._user_numbers[self.flat.body[:n_contacts]]
         planes = self.flat.wall[:n_contacts].astype(np.int64)
+        # For clumps, the feature of a contact is the index of the sphere.
         spheres = self.flat.feature[:n_contacts]
-        # A plane with a point p and the normal n is n.x = n.p.
+        # A plane through the point p with the normal n has the equation n.x = n.p.
         plane_rows = self.walls.planes[planes]
         points = plane_rows[:, state.PLANE_POINT : state.PLANE_POINT + 3]
         normals = plane_rows[:, state.PLANE_NORMAL : state.PLANE_NORMAL + 3]
@@ -340,7 +358,8 @@ class Observables(World):
             The extents [m].
         """
         # The shapes are described in the frames of the bodies, at scale 1. Rotate the
-        # directions to these frames by the inverse rotations.
+        # directions into these frames by the transposed (inverse) rotations, and scale
+        # the extents at the end.
         rotations = rotation_matrices(self.quaternions[bodies])
         body_directions = np.einsum("nji,nj->ni", rotations, directions)
         extents = np.zeros(len(bodies))
@@ -353,6 +372,7 @@ class Observables(World):
                 sphere_rows = shape.spheres_m[spheres[has_shape]]
                 centres = sphere_rows[:, :3]
                 radii = sphere_rows[:, 3]
+                # A sphere extends by its radius from its own centre.
                 centre_extents = np.sum(centres * shape_directions, axis=1)
                 extents[has_shape] = centre_extents + radii
         return extents * self.scales[bodies]
@@ -386,13 +406,17 @@ class Observables(World):
         """
         point = check_vector("about_m", about_m)
         names = self.wall_set.names
-        # Force and torque about the origin of each wall, which the kernel adds up
+        # A row for each wall: force, and torque about the origin of the world. The
+        # kernel adds to these.
         loads = np.zeros((len(names), 6))
         # The kernel changes its arguments, so it gets copies. With a time step of 0 the
         # springs stay as they are.
         bodies, flat, curved, meshed, clumps = deepcopy(
             (self.bodies, self.flat, self.curved, self.meshed, self.clumps)
         )
+        # The features of the meshes are not copied, because the kernel only overwrites
+        # their working memory. `flat`, `curved` and `meshed` are the contacts with
+        # planes, curved walls and meshes.
         add_wall_loads(
             bodies,
             flat,
@@ -431,11 +455,16 @@ class Observables(World):
         """
         n_contacts = self.counts[state.N_CURVED]
         contact_rows = state.contact_rows(self.curved.data, n_contacts)
+        # The first three rows of a contact are its normal.
         normal = contact_rows[:, :3].copy()
+        # The engine may have renumbered the bodies. `_user_numbers` turns its indices
+        # into those that `add` returned.
         body = self._user_numbers[self.curved.body[:n_contacts]]
         wall = self.curved.wall[:n_contacts].copy()
-        # The azimuths of spheres follow from their centres. The engine keeps those of
-        # other smooth bodies.
+        # The azimuths of spheres follow from their centres: for clumps, relative to the
+        # body as the contact stores them, and for single spheres, zero. The engine
+        # keeps the azimuths of other smooth bodies. The constants of the rows count
+        # numbers, of which a row has LANES.
         if self._has_clumps:
             column = clump_tile.CENTRE // state.LANES
             centres = contact_rows[:, column : column + 3]
@@ -495,10 +524,15 @@ class Observables(World):
         """
         n_contacts = self.counts[state.N_MESHED]
         contact_rows = state.contact_rows(self.meshed.data, n_contacts)
+        # The engine may have renumbered the bodies. `_user_numbers` turns its indices
+        # into those that `add` returned.
         body = self._user_numbers[self.meshed.body[:n_contacts]]
         mesh = self.meshed.wall[:n_contacts].copy()
         feature = self.meshed.feature[:n_contacts].copy()
+        # The first three rows of a contact are its normal.
         normal = contact_rows[:, :3].copy()
+        # Contacts with meshes keep their gap. The constant GAP counts numbers, of which
+        # a row has LANES.
         gap = contact_rows[:, state.GAP // state.LANES]
         return body, mesh, feature, normal, -gap
 
@@ -510,6 +544,10 @@ def _compute_tangent_offsets(
     azimuths: np.ndarray,
 ) -> np.ndarray:
     """Compute the offsets c of the tangent planes n.x = c at contacts of curved walls.
+
+    Curved walls are cones, tubes and rings. A ring is a torus about the rounded end of
+    a wall, with the edge radius around its central circle. The normals n point into the
+    walls.
 
     Parameters
     ----------
@@ -528,26 +566,28 @@ def _compute_tangent_offsets(
     ndarray (M,)
         The offsets [m].
     """
-    # Begin with the offset of the origin of each wall's frame. The offset within the
-    # frame is added below.
+    # A row of `Walls.frames` is the origin (3) and the rotation (9) of the frame. Begin
+    # with the offset of the origin along n. The offset within the frame is added below.
     frames = walls.frames[wall_numbers]
     origins = frames[:, :3]
     offsets = np.sum(normals * origins, axis=1)
 
-    # A tangent plane of a cone has the offset of the cone's line from the origin.
+    # Every tangent plane of a cone has the same offset, that of the cone's line in its
+    # half plane.
     n_cones = len(walls.cones)
     is_cone = wall_numbers < n_cones
     offsets[is_cone] += walls.cones[wall_numbers[is_cone], state.CONE_OFFSET]
 
-    # The point of a ring's core circle that is nearest to each contact, in the frame of
-    # the ring
+    # Find the point of a ring's central circle that is nearest to each contact, in the
+    # frame of the ring.
     is_ring = ~is_cone
     rings = walls.rings[wall_numbers[is_ring] - n_cones]
     x = rings[:, state.RING_RADIUS] * np.cos(azimuths[is_ring])
     y = rings[:, state.RING_RADIUS] * np.sin(azimuths[is_ring])
     z = rings[:, state.RING_HEIGHT]
 
-    # The tangent plane lies one edge radius before this point.
+    # Seen along n, which points into the ring, the tangent plane lies one edge radius
+    # before this point.
     rotations = frames[is_ring, 3:].reshape(-1, 3, 3)
     points = np.einsum("nij,nj->ni", rotations, np.column_stack([x, y, z]))
     distances = np.sum(normals[is_ring] * points, axis=1)

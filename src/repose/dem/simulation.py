@@ -116,20 +116,25 @@ class Simulation(Observables):
             raise ValueError(f"motion is {motion!r}; expected a Motion")
         self.wall_set = self.wall_set.with_motion(wall, motion)
         wall_number = self.wall_set.names.index(wall)
+        # The arrays are made from `wall_set`, so this comes last.
         self.walls = self._make_walls(old_walls=self.walls, changed_wall=wall_number)
 
         # Make the next step check all bodies against the walls. The check of a body is
-        # due at the displacement `wall_check`. Every displacement is above -1, so -1
-        # makes the check due at once.
+        # due when its displacement reaches `wall_check`. Displacements are never below
+        # 0, so -1 makes the check due at once. `wall_margin` is how far the bodies of a
+        # tile may move until one of them is due.
         present = np.flatnonzero(self.bodies.presence[: self.n_bodies] == state.PRESENT)
         self.bodies.wall_check[present] = -1.0
         self.bodies.wall_margin[:] = 0.0
 
     def _warn_of_turning_walls(self) -> None:
-        """Warn if a wall turns while the frame of the rolling resistance does not.
+        """Warn if a wall rotates while the frame of the rolling resistance does not.
 
-        Only laws that resist the rotation of each body in space are affected.
+        Laws that resist the rotation of each body in space (`of_each_body`) then brake
+        bodies that rotate together with the wall. Other laws are not affected.
         """
+        # A row of the motion is velocity, angular velocity and pivot, three numbers
+        # each.
         angular_velocities = self.walls.motion[:, 3:6]
         if not angular_velocities.any():
             return
@@ -142,6 +147,7 @@ class Simulation(Observables):
             return
         if all(pair.rolling_friction == 0.0 for pair in self.contact_pairs.values()):
             return
+        # With this level, Python shows the line that called `run_steps`.
         warnings.warn(
             f"a wall turns, and rolling_law {law_name!r} resists each body's rotation "
             "in space: angles and torques are wrong. Set rolling_frame_rad_s to the "
@@ -195,7 +201,7 @@ class Simulation(Observables):
         angular_velocity_rad_s: ArrayLike = (0.0, 0.0, 0.0),
         scale: float = 1.0,
     ) -> int:
-        """Add one body. It is not checked that there is room for it.
+        """Add one body. Whether there is room for it is not checked.
 
         Parameters
         ----------
@@ -208,8 +214,8 @@ class Simulation(Observables):
         velocity_m_s, angular_velocity_rad_s : array_like (3,)
             Its velocities in the world frame [m/s, rad/s].
         scale : float
-            Factor of its lengths, at most `largest_scale`. The time step sets a lower
-            limit.
+            Factor by which the lengths of the shape are multiplied, at most
+            `largest_scale`. The time step sets a lower limit.
 
         Returns
         -------
@@ -238,6 +244,7 @@ class Simulation(Observables):
                 "angular_velocity_rad_s", angular_velocity_rad_s
             ),
         )
+        # Write all that the kernels need to know about the body.
         write_body(self.bodies, index, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[index] = list(self.shapes).index(shape)
         self._scales[index] = scale
@@ -247,10 +254,11 @@ class Simulation(Observables):
         self.bodies.presence[index] = state.PRESENT
         self.counts[state.N_BODIES] = index + 1
 
-        # The body may rotate, so its tile of LANES bodies is not at rest.
+        # The body may rotate, so its tile, a group of LANES bodies that are computed
+        # together, is no longer at rest.
         self.bodies.resting[index // state.LANES] = 0
-        # Make the next step check this body against the walls. The displacement -1
-        # makes the check due at once.
+        # Make the next step check this body against the walls. The check is due when
+        # the displacement of the body, which is never below 0, reaches -1.
         self.bodies.wall_check[index] = -1.0
         self.bodies.wall_margin[index // state.LANES] = 0.0
         # Make the next step search for its neighbours, too, by adding it to the list of
@@ -279,8 +287,8 @@ class Simulation(Observables):
         """Fix a body in its place, so that forces no longer move or rotate it.
 
         The body stops. Its inverse mass and inverse moments of inertia become 0. Sums
-        leave out its mass, like that of a body that is gone. Fixed bodies must not
-        overlap each other.
+        over the bodies leave out its mass, as if the body had left the simulation.
+        Fixed bodies must not overlap each other.
 
         Parameters
         ----------
@@ -298,14 +306,16 @@ class Simulation(Observables):
             allowed=f"an index below {self.n_bodies}",
             accepts=lambda index: 0 <= index < self.n_bodies and index == int(index),
         )
-        # A large simulation renumbers its bodies from time to time.
+        # A large simulation renumbers its bodies from time to time. `_engine_numbers`
+        # holds the present index of each body in the engine.
         engine_number = self._engine_numbers[body] if self._runs_in_shares else body
         row = self.bodies.rows[engine_number]
         row[state.VELOCITY : state.VELOCITY + 3] = 0.0
         row[state.ANGULAR_VELOCITY : state.ANGULAR_VELOCITY + 3] = 0.0
         row[state.INVERSE_MASS] = 0.0
         # The other numbers are in a tile of LANES bodies, in which the numbers of one
-        # body are LANES places apart (`kernels.rows`).
+        # body are LANES places apart (`kernels.rows`). The slice is a view of them. The
+        # constants below count the places of the tile.
         tile = self.bodies.motion[engine_number // state.LANES]
         body_numbers = tile[engine_number % state.LANES :: state.LANES]
         for offset in (state.INVERSE_MOMENTS, state.ANGULAR_MOMENTUM):
@@ -331,12 +341,16 @@ class Simulation(Observables):
         if steps_left > 0:
             self._warn_of_turning_walls()
         while steps_left > 0:
+            # `_advance` returns the number of steps made, at most `steps_left`.
             steps_left -= self._advance(steps_left)
+            # A list that overflows within one step sets this flag. Contacts are then
+            # missing.
             if self.counts[state.FULL]:
                 raise RuntimeError(
                     "a contact list overflowed within one step; bodies overlap too much"
                 )
-            # The engine stops early when a list of contacts fills up.
+            # The engine stops before a step if a list of contacts is nearly full, so
+            # that it can be lengthened.
             if steps_left > 0:
                 self._grow_lists()
 
@@ -374,10 +388,12 @@ class Simulation(Observables):
     def _advance_in_shares(self, steps: int) -> int:
         """Advance a large simulation, whose threads share the work.
 
-        The argument and the result are those of `_advance`.
+        The work of a step is divided into a fixed number of shares, so that the result
+        does not depend on the number of threads. The argument and the result are those
+        of `_advance`.
         """
-        # The bodies get new numbers every REORDER_EVERY steps, so this call ends
-        # before.
+        # Renumber the bodies every REORDER_EVERY steps, between two calls of the
+        # engine. Therefore this call ends at the next multiple of REORDER_EVERY.
         steps_since_reorder = self.steps % parallel.REORDER_EVERY
         if steps_since_reorder == 0:
             self._renumber_bodies()
@@ -387,10 +403,13 @@ class Simulation(Observables):
         shared = state.Shared(
             counters=np.zeros(BARRIER_SIZE, np.int64),
             flags=np.zeros(1, np.int64),
+            # Two arrays with these names, with a number for each share
             **state.equal_arrays("begins n_found", parallel.SHARES, np.int64),
             touching=np.zeros(len(self.pairs.near_limit), np.int64),
         )
-        # Arrays of the simulation, which all threads use
+        # Arrays of the simulation, which all threads use, in the order that
+        # `run_threads` expects. `flat`, `curved` and `meshed` are the contacts with
+        # planes, curved walls and meshes.
         simulation_arrays = (
             self.bodies,
             self.pairs,
@@ -403,7 +422,7 @@ class Simulation(Observables):
             self.counts,
             self.physics,
         )
-        # Scratch arrays: each thread has arrays of its own.
+        # Working memory: each array has a row for each thread.
         scratch = (self._tiles, self._body_tiles, self._scratches)
         return parallel.run_threads(simulation_arrays, scratch, shared, steps)
 
@@ -429,8 +448,10 @@ class Simulation(Observables):
     def _grow_lists(self) -> None:
         """Replace lists of contacts that are filling up by lists of twice the length.
 
-        The arrays of a list are replaced together, in one assignment. Therefore an
-        interrupt never leaves a list whose arrays differ in length.
+        `flat`, `curved` and `meshed` are the lists of contacts with planes, curved
+        walls and meshes. The arrays of a list are replaced together, in one assignment.
+        Therefore an interrupt, such as Ctrl+C, never leaves a list whose arrays differ
+        in length.
         """
         self.pairs = contact_lists.grow_pairs(
             self.pairs,

@@ -27,13 +27,14 @@ def tessellate(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangulate the surface of a body on a grid of latitudes and longitudes.
 
-    The axis of the grid is the body's first one.
+    The poles of the grid lie on the body's first axis.
 
     Parameters
     ----------
     body : Shape or Clump
-        Any object with `support` and `support_point`. For a clump, only the surface
-        that rays from its centre of mass leave last is made.
+        Any object with `support` and `support_point`. Of a clump, only the outer
+        surface is made: along each ray from its centre of mass, the last point on a
+        sphere.
     rings, sectors : int
         Number of latitudes and of longitudes.
 
@@ -57,14 +58,15 @@ def tessellate(
     sphere_points = np.stack([x, y, z], axis=-1)
 
     # The normals are those of an ellipsoid with the extents of the body, so that the
-    # tips of a slim body are well resolved.
+    # tips of a slim body are well resolved. They are in the order of the grid points,
+    # to which the triangles refer.
     extents = np.array([body.support(axis) for axis in np.eye(3)])
     normals = (sphere_points / extents).reshape(-1, 3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
 
     # A convex body has one surface point for each normal, but points in the dents of a
     # clump cannot be found by their normals. The surface of a clump is therefore found
-    # by rays in the directions of the normals.
+    # by rays in these directions, and gets its own normals.
     triangles = _list_grid_triangles(rings, sectors)
     if isinstance(body, Clump):
         points, normals = _find_visible_points(body, normals)
@@ -153,9 +155,9 @@ def find_plane_polygon(
         A row of `Simulation.walls.planes`. A disc becomes a polygon of `SECTORS`
         corners.
     lower, upper : ndarray (3,)
-        Two corners of the box at which an endless plane ends [m].
+        Two corners of the box at which an infinite plane ends [m].
     others : sequence of ndarray (7,)
-        Other endless planes. The polygon also ends at these, since there are no bodies
+        Other infinite planes. The polygon also ends at these, since there are no bodies
         beyond them.
 
     Returns
@@ -163,11 +165,14 @@ def find_plane_polygon(
     ndarray (M, 3)
         The corners, anticlockwise when viewed from the bodies [m].
     """
-    # The engine's normals point into the wall.
+    # A row is a point, the normal and the radius of the disc. The engine's normals
+    # point into the wall; here the normal points to the bodies.
     point = plane[:3]
     normal = -plane[3:6]
     radius = plane[6]
     u, w = _find_tangents(normal)
+    # A disc becomes a polygon about its centre. u and w are perpendicular unit vectors
+    # in the plane.
     if math.isfinite(radius):
         angles = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
         directions = np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * w
@@ -183,12 +188,14 @@ def find_plane_polygon(
 
     # Cut it by the sides of the box and by the other planes.
     for side_normal, corner in _list_box_sides(lower, upper):
-        # A parallel plane that lies outside the box is still shown within the thickness
-        # of a wall.
+        # A plane that is parallel to a side may lie slightly outside the box. Move such
+        # a side outwards by the thickness of a wall, so that the plane is still shown.
         is_parallel = abs(side_normal @ normal) > PARALLEL_COSINE
         shift = WALL_THICKNESS * box_size * is_parallel
         polygon = _cut_polygon(polygon, side_normal, side_normal @ corner + shift)
     for other in others:
+        # Here the normal points into the other wall, out of the half space that is
+        # kept.
         other_point = other[:3]
         other_normal = other[3:6]
         polygon = _cut_polygon(polygon, other_normal, other_normal @ other_point)
@@ -240,11 +247,11 @@ def _cut_polygon(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.n
         next_k = (k + 1) % len(polygon)
         corner, next_corner = polygon[k], polygon[next_k]
         distance, next_distance = distances[k], distances[next_k]
-        # A corner inside the half space stays.
+        # A corner inside the half space, or on the plane, stays.
         if distance <= 0.0:
             corners.append(corner)
         # If the side from this corner to the next crosses the plane, add a corner
-        # there.
+        # there, at the fraction `share` of the side.
         if distance * next_distance < 0.0:
             share = distance / (distance - next_distance)
             corners.append(corner + share * (next_corner - corner))
@@ -305,8 +312,11 @@ def _revolve_profile(profile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _compute_edge_profile(ring: RingEdge) -> np.ndarray:
     """Compute the profile of the part of a rounded edge that bodies can touch.
 
-    A half plane from the axis cuts the edge in a circle. The profile is the arc of this
-    circle that the walls beside the edge leave open.
+    A rounded edge is a torus. A half plane through its axis cuts it in a circle. Part
+    of this circle is behind the walls that adjoin the edge. The profile is the rest,
+    the open arc. The edge has two vectors (r, z) called gates. A point is open if the
+    contact normal there, which points into the edge, has no negative component along
+    either gate.
 
     Parameters
     ----------
@@ -323,16 +333,16 @@ def _compute_edge_profile(ring: RingEdge) -> np.ndarray:
     border_angles = 2.0 * math.pi * border_numbers / TUBE_SECTORS
     middle_angles = 0.5 * (border_angles[1:] + border_angles[:-1])
 
-    # The contact normal of a sector points into the edge, against the outward direction
-    # of the circle. The sector is open unless this normal opposes a gate.
+    # The contact normal of a sector is opposite to the outward direction of the circle.
+    # GATE_TOLERANCE allows for rounding.
     outward_r = np.cos(middle_angles)
     outward_z = np.sin(middle_angles)
     is_open = np.ones(TUBE_SECTORS, bool)
     for gate_r, gate_z in ring.gates:
         is_open &= -(outward_r * gate_r + outward_z * gate_z) >= -GATE_TOLERANCE
 
-    # The open sectors adjoin each other. The first one follows a closed one. If all are
-    # open, the circle begins at -pi.
+    # The open sectors are one arc of at least one sector. The first of them follows a
+    # closed one. If all are open, `argmax` returns 0, and the circle begins at -pi.
     is_first = is_open & ~np.roll(is_open, 1)
     first_angle = border_angles[int(np.argmax(is_first))]
     n_open = int(is_open.sum())
@@ -352,7 +362,7 @@ def triangulate_walls(
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Triangulate all walls in their present positions.
 
-    Endless planes end at the box of the simulation and at each other.
+    Infinite planes end at the box of the simulation and at each other.
 
     Parameters
     ----------
@@ -368,7 +378,8 @@ def triangulate_walls(
     n_planes = len(simulation.walls.planes)
     triangulated = {}
     for name, surface in simulation.wall_set.surfaces.items():
-        # The number of the wall in the arrays of the kernels, where planes come first
+        # The index of the wall in the arrays of the kernels. Planes come first, and
+        # only the other walls have frames.
         number = simulation.wall_set.names.index(name)
         if isinstance(surface, Plane):
             corners = find_visible_polygon(simulation, number)
@@ -416,6 +427,8 @@ def _triangulate_spheres(
     triangles : ndarray of int (T, 3)
         Indices of their points.
     """
+    # A sphere of radius 1 about the origin. Its mass (1), its moments of inertia (three
+    # ones) and its material ("any") do not matter here.
     unit_sphere = Clump(np.array([[0.0, 0.0, 0.0, 1.0]]), 1.0, np.ones(3), "any")
     sphere_points, _, sphere_triangles = tessellate(unit_sphere, rings, sectors)
     surfaces = []
@@ -433,7 +446,7 @@ def triangulate_bodies(
     """Triangulate all bodies that are present.
 
     Each sphere of a clump is triangulated completely, including parts inside other
-    spheres.
+    spheres. More rings and sectors give a finer surface.
 
     Parameters
     ----------
@@ -451,7 +464,8 @@ def triangulate_bodies(
     body : ndarray (T,)
         Index of the body to which each triangle belongs.
     """
-    # Each shape is triangulated once, in the frame of a body of scale 1.
+    # Each shape is triangulated once, in the frame of a body of scale 1. `shape_ids`
+    # count the shapes in this order.
     shape_surfaces = []
     for shape in simulation.shapes.values():
         if isinstance(shape, Clump):
@@ -481,9 +495,10 @@ def join_surfaces(
     Parameters
     ----------
     surfaces : iterable of (ndarray, ndarray)
-        Points (V, 3) of each surface, and its triangles (T, 3), indices of its points.
+        Points (V, 3) of each surface, and its triangles (T, 3): indices of the points
+        of this surface.
     numbers : sequence of int
-        A number for each surface.
+        A number for each surface, such as the index of a body.
 
     Returns
     -------

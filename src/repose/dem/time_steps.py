@@ -53,10 +53,12 @@ class Scene(NamedTuple):
 def compute_longest(
     scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale: float = 1.0
 ) -> Limit:
-    """Compute the longest time step of a scene.
+    """Compute the longest time step with which a scene is stable.
 
-    It is the smallest limit of all impacts (`compute_impact_limit`) and of all pressed
-    bodies (`compute_pressed_limit`). It is proportional to the scale of the bodies.
+    Each impact (`compute_impact_limit`) and each body that is pressed between others
+    (`compute_pressed_limit`) allows a largest time step. The smallest of these limits
+    is the result. All of them are proportional to the lengths of the bodies, so they
+    are multiplied by the smallest scale.
 
     Parameters
     ----------
@@ -78,7 +80,8 @@ def compute_longest(
     ]
     for shape in shapes:
         limits += _list_pressed_limits(scene, shape)
-    shortest = min(limits)  # by the time step, the first field
+    # Tuples are compared by their first field, the time step.
+    shortest = min(limits)
     if smallest_scale == 1.0:
         return shortest
     reason = f"{shortest.reason}, at the smallest scale, {smallest_scale:.3g}"
@@ -172,7 +175,7 @@ def compute_pressed_limit(
     the effective mass m* of two of them.
     """
     # The effective radius and mass of two equal bodies are half of those of a body and
-    # a plate.
+    # a plate, so both are divided by 2 in a row of bodies.
     n_bodies = 2.0 if between_bodies else 1.0
     radius = shape.flattest_radius_m / n_bodies
     mass = shape.mass_kg / n_bodies
@@ -180,6 +183,8 @@ def compute_pressed_limit(
         overlap_m = _estimate_overlap(scene, shape)
 
     contact = scene.contacts[shape.material, plate_material]
+    # Every contact law has an oscillator: the stiffness and the damping ratio of a
+    # contact for small motions. Rolling laws have none.
     assert scene.law.oscillator is not None
     stiffness, contact_damping_ratio = scene.law.oscillator(
         scene.materials[shape.material],
@@ -189,6 +194,7 @@ def compute_pressed_limit(
         radius,
         overlap_m,
     )
+    # The mean number of contacts that act together, which need not be a whole number
     n_contacts = shape.acting_together(overlap_m)
     angular_frequency = math.sqrt(2.0 * n_contacts * stiffness / mass)
     z = math.sqrt(2.0) * contact_damping_ratio  # damping ratio, see the notes

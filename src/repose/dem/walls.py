@@ -185,7 +185,7 @@ class Cone:
         material: str,
         motion: Motion = STILL,
     ) -> "Cone":
-        """Make the inside of a cone between two circles.
+        """Make the wall of a cone between two circles; bodies touch it from inside.
 
         Parameters
         ----------
@@ -224,8 +224,8 @@ class Cone:
             )
 
         # In the half plane (r, z) the cone is a line from the first circle, at z = 0,
-        # to the second. The unit vector e points along this line. The normal m into the
-        # wall is perpendicular to e.
+        # to the second. The unit vector e points along this line. The unit normal m is
+        # perpendicular to e and points into the wall, away from the axis.
         length = math.hypot(height, top_radius_m - base_radius_m)
         e_r = (top_radius_m - base_radius_m) / length
         e_z = height / length
@@ -234,7 +234,9 @@ class Cone:
         offset = m_r * base_radius_m
         first = e_r * base_radius_m
         last = e_r * top_radius_m + e_z * height
+        # The order is that of the columns of `kernels.state.Walls.cones`.
         line = (m_r, m_z, offset, first, last, e_r, e_z)
+        # The class checks the axis and the other arguments.
         return cls(line, material, base_m, axis, motion)
 
     def row(self) -> np.ndarray:
@@ -410,12 +412,12 @@ class Mesh:
         edge_radius_m: float = 0.0005,
         motion: Motion = STILL,
     ) -> "Mesh":
-        """Read a mesh from a file.
+        """Read a mesh from an STL file, or from another file that trimesh can read.
 
         Parameters
         ----------
         path : path
-            An STL file, or another file that trimesh can read.
+            The file.
         material : str
             Name of a material of the simulation.
         scale : float
@@ -440,6 +442,8 @@ class Mesh:
 
         check_positive("scale", scale)
         try:
+            # The types of trimesh are incomplete, so the type checker is told to accept
+            # anything.
             source: Any = path
             mesh: Any = trimesh.load(source, force="mesh")
         except Exception as error:  # trimesh's readers raise whatever their parsers do
@@ -449,7 +453,8 @@ class Mesh:
         if not len(mesh.faces):
             raise InputError(path, "triangles", 0, "at least one")
         mesh.merge_vertices()
-        # If two corners of a triangle were merged, it is a line and has no area.
+        # If two corners of a triangle were merged, it is a line and has no area. Leave
+        # it out.
         is_triangle = [len(set(face)) == 3 for face in mesh.faces.tolist()]
         mesh.update_faces(np.array(is_triangle))
         vertices = scale * mesh.vertices
@@ -481,6 +486,7 @@ def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
         or if a triangle has no area.
     """
     faces = np.asarray(value)
+    # An array of whole numbers with three columns and at least one row
     has_shape = faces.ndim == 2 and faces.shape[1] == 3 and len(faces) > 0
     if not has_shape or faces.dtype.kind not in "iu":
         raise ValueError(
@@ -492,7 +498,8 @@ def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
             f"faces has {faces.min()} to {faces.max()}; "
             f"expected 0 to {last}, rows of vertices_m"
         )
-    # The cross product of two sides is twice the area.
+    # The length of the cross product of two sides is twice the area. A triangle has no
+    # area if this is below a fraction (SMALLEST_AREA) of the squared size of the mesh.
     corners = vertices[faces]
     first_side = corners[:, 1] - corners[:, 0]
     second_side = corners[:, 2] - corners[:, 0]
@@ -590,6 +597,9 @@ def make_wall_arrays(
 ) -> state.Walls:
     """Make the arrays of the walls for the kernels.
 
+    Walls are numbered by kind: planes, cones, rings, meshes. Planes are stored as
+    points and normals. All other walls have a frame, whose motion moves them.
+
     Parameters
     ----------
     wall_set : WallSet
@@ -610,19 +620,23 @@ def make_wall_arrays(
     Walls
         The arrays (`kernels.state.Walls`).
     """
-    # Planes have a point and a normal; all other walls have a frame.
+    # Sort the walls by kind. The widths of the rows are those of `kernels.state`: a
+    # frame is an origin (3) and a rotation (9), a motion is velocity, angular velocity
+    # and pivot (3 each).
     planes, cones, rings, meshes = (wall_set.list_walls(kind) for kind in WALL_KINDS)
     walls_with_frame = [*cones, *rings, *meshes]
     surfaces = [*planes, *walls_with_frame]
     plane_rows = _stack_rows([wall.row() for wall in planes], state.PLANE_COLUMNS)
     frames = _stack_rows([compute_frame(wall) for wall in walls_with_frame], 12)
     motions = _stack_rows([wall.motion.row() for wall in surfaces], 9)
-    path = 0.0  # distance by which any wall may have come nearer until now [m]
+    # The distance by which any wall may have approached a body until now [m]
+    path = 0.0
     was_displaced = np.zeros(len(frames), bool)
     if old_walls is not None:
         plane_rows = old_walls.planes.copy()
         frames = old_walls.frames.copy()
-        # The other walls keep their motions, whose pivots have moved along with them.
+        # All walls but the changed one keep their motions, whose pivots have moved
+        # along with them. If `changed_wall` is -1, this is all of them.
         is_unchanged = np.arange(len(motions)) != changed_wall
         motions[is_unchanged] = old_walls.motion[is_unchanged]
         path = old_walls.approach[state.WALL_PATH]
@@ -630,14 +644,16 @@ def make_wall_arrays(
 
     # A wall moves if one of its velocities, the first six columns, is not zero.
     moves = np.any(motions[:, :6] != 0.0, axis=1)
-    # The kernels transform bodies to the frame of a wall if the wall is displaced, that
-    # is, if this frame differs from that of the world now, did so before, or will do
-    # so.
+    # The kernels transform bodies to the frame of a wall only if the wall is displaced.
+    # It is displaced if its frame differs from that of the world, has done so before,
+    # or will do so because the wall moves. `moves` has the planes first, which have no
+    # frame.
     is_elsewhere = np.any(frames != WORLD_FRAME, axis=1)
     is_displaced = is_elsewhere | moves[len(planes) :] | was_displaced
 
     speeds = _bound_approach_speeds(surfaces, plane_rows, frames, motions, box_size_m)
     materials = [material_numbers[surface.material] for surface in surfaces]
+    # `approach` is the path, the speed of the fastest wall and whether any wall moves.
     return state.Walls(
         planes=plane_rows,
         cones=_stack_rows([wall.row() for wall in cones], state.CONE_COLUMNS),
@@ -661,18 +677,19 @@ def _bound_approach_speeds(
 ) -> list[float]:
     """Compute an upper bound on the approach speed of each wall.
 
-    See `_bound_approach_speed`.
+    The bound of one wall is computed by `_bound_approach_speed`. All arrays have the
+    planes first, then the other walls.
 
     Parameters
     ----------
     surfaces : sequence of Wall
         The N walls: P planes, then C other walls, which have frames.
     plane_rows : ndarray (P, 7)
-        Present point, normal and radius of the planes.
+        Present point (3), normal (3) and radius of each plane.
     frames : ndarray (C, 12)
-        Present origin and rotation of the other walls.
+        Present origin (3) and rotation (9) of the frame of each other wall.
     motions : ndarray (N, 9)
-        Velocity, angular velocity and pivot of each wall.
+        Velocity, angular velocity and pivot of each wall, three numbers each.
     box_size_m : float
         Size of the box in which the bodies stay [m].
 
@@ -682,7 +699,9 @@ def _bound_approach_speeds(
         The bounds [m/s].
     """
     normals = plane_rows[:, 3:6]
-    frame_axes = frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]  # the z axes
+    # The third column of a rotation is the z axis of the frame, which is the axis of a
+    # cone or ring.
+    frame_axes = frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]
     axes = [*normals, *frame_axes]
     points = [*plane_rows[:, :3], *frames[:, :3]]
     speeds = []
@@ -707,18 +726,20 @@ def _bound_approach_speed(
 ) -> float:
     """Compute an upper bound on the speed of a wall's points towards a body.
 
-    The rotation of a wall about its own axis does not count.
+    The rotation of a plane, cone or ring about its own axis does not count, because its
+    surface then moves along itself.
 
     Parameters
     ----------
     surface : Plane, Cone, RingEdge or Mesh
         The wall.
     axis : ndarray (3,)
-        Normal of a plane, or the z axis of another wall's present frame.
+        Normal of a plane. For any other wall, the z axis of its present frame, which is
+        the axis of a cone or ring.
     point : ndarray (3,)
-        Point of a plane, or the origin of another wall's present frame [m].
+        Point of a plane. For any other wall, the origin of its present frame [m].
     motion : ndarray (9,)
-        Velocity, angular velocity and pivot of the wall.
+        Velocity, angular velocity and pivot of the wall, three numbers each.
     box_size_m : float
         Size of the box in which the bodies stay [m].
 
@@ -740,10 +761,12 @@ def _bound_approach_speed(
     offset = point - pivot
     distance = np.linalg.norm(offset)
     if isinstance(surface, Mesh):
+        # The vertices are given in the frame of the mesh, whose origin is `point`.
         largest_distance = np.linalg.norm(surface.vertices_m, axis=1).max()
         return speed + angular_speed * float(largest_distance + distance)
 
-    # A wall that rotates about its own axis does not approach any body.
+    # A plane, cone or ring that rotates about its own axis does not approach any body:
+    # its axis is parallel to the angular velocity, and the pivot lies on it.
     axial_speed = abs(axis @ angular_velocity)
     is_parallel = abs(axial_speed - angular_speed) < PARALLEL_TOLERANCE * angular_speed
     offset_across_axis = offset - (offset @ axis) * axis

@@ -60,6 +60,11 @@ class World:
         curved_walls_above_m: float = -math.inf,
         floor_height_m: float = -math.inf,
     ) -> None:
+        """Check the arguments, which `Simulation` describes, and make all parts.
+
+        Each step uses attributes that the steps before it have set, so their order
+        matters.
+        """
         self.shapes = check_mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
         self.materials = check_mapping("materials", materials, Material, "Material")
         self._has_clumps = are_clumps(self.shapes)
@@ -69,6 +74,7 @@ class World:
         self.lower, self.upper = check_box(lower, upper)
         self.wall_set = WallSet({} if walls is None else walls)
         self._pair_materials(contacts)
+        # The longest allowed time step depends on the shapes, materials and laws.
         time_step = self._check_time_step(time_step_s)
 
         self._make_body_arrays()
@@ -84,6 +90,7 @@ class World:
             ),
             floor_height=check_height("floor_height_m", floor_height_m),
         )
+        # The setter checks the number, and makes working memory for each thread.
         self.threads = threads
 
     def _choose_laws(
@@ -100,10 +107,10 @@ class World:
         contact_law, rolling_law : str
             Names of the laws.
         tension : str
-            How a contact ends.
+            How a contact ends, see `Simulation`.
         friction_limit : str or None
-            Which normal force limits friction. None chooses the one with which the
-            tension obeys Coulomb's law.
+            Which normal force limits friction. If it is None, it is the one with which
+            a sliding impact obeys Coulomb's law for this tension (table COULOMB).
 
         Raises
         ------
@@ -163,10 +170,14 @@ class World:
         return time_step
 
     def _make_body_arrays(self) -> None:
-        """Make the search grid, and empty arrays of the bodies."""
-        # Large simulations of smooth bodies run in shares with any number of threads.
-        # They renumber the bodies from time to time. Two arrays translate between the
-        # numbers of the engine and those of the user.
+        """Make empty arrays of the bodies, and the grid of the search for neighbours.
+
+        These are the arrays of the engine, the shape and scale of each body, and the
+        indices that translate between the order of the user and that of the engine.
+        """
+        # A large simulation of smooth bodies divides the work of a step into shares,
+        # whatever the number of threads, and renumbers its bodies from time to time.
+        # Two arrays translate between the indices of the engine and those of the user.
         is_large = self.capacity >= parallel.FEWEST_BODIES
         self._runs_in_shares = is_large and not self._has_clumps
         self._engine_numbers = np.arange(self.capacity)
@@ -179,7 +190,8 @@ class World:
         self._scales = np.ones(self.capacity)
 
         # The centres of two touching bodies are at most `reach` apart. Pairs are listed
-        # as near up to a gap of one skin.
+        # as near up to a gap of one skin. With cells of this size, two bodies of a near
+        # pair are in the same cell or in neighbouring ones.
         bounding_radii = [shape.bounding_radius_m for shape in self.shapes.values()]
         self.radius = self.largest_scale * max(bounding_radii)
         reach = 2.0 * self.radius
@@ -229,7 +241,8 @@ class World:
         self.pairs = contact_lists.new_pairs(
             self.capacity, self._most_spheres, self._n_history_rows
         )
-        # Contacts with planes, with curved walls and with meshes are in separate lists.
+        # Contacts with planes (`flat`), with curved walls (`curved`) and with meshes
+        # (`meshed`) are in separate lists.
         n_planes = len(self.walls.planes)
         n_curved = len(self.walls.cones) + len(self.walls.rings)
         n_meshes = len(self.wall_set.list_walls(Mesh))
@@ -240,7 +253,8 @@ class World:
             self._n_history_rows,
         )
         # An empty tuple tells the kernels that the bodies are smooth. For clumps, the
-        # array `mesh_sphere` is as long as the list of contacts with meshes.
+        # array `mesh_sphere` must be as long as the list of contacts with meshes, so
+        # this comes last.
         self.clumps: Any = ()
         if self._has_clumps:
             self.clumps = clumps.new_clumps(

@@ -128,6 +128,8 @@ def _read_file(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         raise InputError(
             path, "file", None, "an existing checkpoint, written by Simulation.save"
         )
+    # A damaged archive may raise any of these errors: of the system, of zip, zlib or
+    # JSON, for a missing description, or for one that is not an array (AttributeError).
     try:
         with np.load(path, allow_pickle=False) as store:
             arrays = {name: store[name] for name in store.files}
@@ -163,6 +165,8 @@ def _list_arrays(simulation: World) -> Iterator[tuple[str, np.ndarray]]:
 def _restore_arrays(simulation: World, saved_arrays: Mapping[str, np.ndarray]) -> None:
     """Copy the arrays of a saved simulation into a new one.
 
+    `load` turns the errors raised here into an InputError, which names the file.
+
     Parameters
     ----------
     simulation : Simulation
@@ -186,7 +190,8 @@ def _restore_arrays(simulation: World, saved_arrays: Mapping[str, np.ndarray]) -
         if new.dtype == saved.dtype and new.shape == saved.shape:
             new[...] = saved
         elif _may_replace(name, new, saved):
-            # The list had grown when it was saved.
+            # Lists of contacts grow during a simulation, so the saved array may be
+            # longer than the new one. Only arrays of such lists may be replaced.
             _replace_array(simulation, name, saved)
         else:
             raise ValueError(f"array {name} is {saved.dtype}{saved.shape}")

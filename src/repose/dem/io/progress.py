@@ -128,14 +128,15 @@ class _Reporter:
             Simulated time [s].
         """
         now = time.perf_counter()
-        # The speed is measured between the first and the last mark. Marks older than
-        # the window are dropped, but two remain.
+        # The speed is measured between the first and the last mark, a pair of wall time
+        # and simulated time. Marks older than the window are dropped, but two remain.
         self._marks.append(Mark(now, time_s))
         while len(self._marks) > 2 and now - self._marks[0].wall_s > WINDOW_S:
             self._marks.popleft()
 
-        # A bar is also drawn at the end, so that it is full.
+        # A bar is also drawn at the end, even if no report is due, so that it is full.
         is_last_bar = self._has_bar and time_s >= self._end_s
+        # A report is due at `_next_report_s`. `_show` draws the bar or prints a line.
         if now >= self._next_report_s or is_last_bar:
             self._next_report_s = now + self._interval_s
             text = _describe_speed(

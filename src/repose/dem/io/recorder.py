@@ -34,17 +34,19 @@ class Recorder:
         self._scales = np.zeros(0)
 
     def __call__(self, simulation: "Observables") -> None:
-        """Record a frame.
+        """Record the present state as a frame.
 
         Parameters
         ----------
         simulation : Simulation
             The simulation.
         """
-        # Bodies are never taken out of the list, so the last frame has all of them.
+        # Shapes and scales do not change, and bodies are never taken out of the list.
+        # So the last frame has those of all bodies, and earlier ones are overwritten.
         self._shapes = simulation.shape_ids.copy()
         self._scales = simulation.scales.copy()
-        # A body that is gone has no position.
+        # A body that has fallen below the floor is no longer present, and its position
+        # is not defined.
         present = simulation.present[:, None]
         positions = np.where(present, simulation.positions, np.nan)
         quaternions = np.where(present, simulation.quaternions, np.nan)
@@ -74,12 +76,13 @@ class Recorder:
             (`repose.dem.kernels.state`).
         """
         n_frames = len(self._frames)
-        n_bodies = len(self._scales)  # of the last frame, which has the most
+        # Bodies are only added, so the last frame has the most.
+        n_bodies = len(self._scales)
         positions = np.full((n_frames, n_bodies, 3), np.nan, np.float32)
         quaternions = np.full((n_frames, n_bodies, 4), np.nan, np.float32)
         for k, frame in enumerate(self._frames):
-            # An early frame may have fewer bodies. The positions of the other bodies
-            # stay NaN.
+            # An early frame may have fewer bodies. The others are appended later, so
+            # their rows stay NaN here.
             n_added = len(frame.positions)
             positions[k, :n_added] = frame.positions
             quaternions[k, :n_added] = frame.quaternions

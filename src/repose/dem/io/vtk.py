@@ -68,12 +68,13 @@ def write_vtk(
     """
     path = _check_suffix(path, ".vtp")
     collect_data = look_up_choice("content", content, _COLLECTORS)
-    # The numbers in the data are indices of these names.
+    # The numbers of shapes or walls in the data are indices of these names.
     if content == "walls":
         names = _format_names("wall_names", simulation.wall_set.surfaces)
     else:
         names = _format_names("shape_names", simulation.shapes)
     text = _format_vtp(simulation.time_s, names, collect_data(simulation))
+    # The file is written completely or not at all.
     write_whole(path, lambda handle: handle.write(text.encode()))
 
 
@@ -92,12 +93,13 @@ def _collect_points(simulation: "Observables") -> PolyData:
     shape_ids = simulation.shape_ids[bodies]
     scales = simulation.scales[bodies]
     quaternions = simulation.quaternions[bodies]
-    # Half of the extents of each body along its axes
+    # Half of the extents of each body along its axes, at scale 1
     shape_extents = np.array(
         [shape.half_extents_m for shape in simulation.shapes.values()]
     )
     semi_axes = scales[:, None] * shape_extents[shape_ids]
-    # The tensor R diag(full extents) R', with the rotation R of each body
+    # The tensor R diag(full extents) R', with the rotation R of each body. ParaView
+    # draws glyphs with the eigenvalues of the tensor as full lengths.
     rotations = rotation_matrices(quaternions)
     tensors = np.einsum("nij,nj,nkj->nik", rotations, 2.0 * semi_axes, rotations)
     return PolyData(
@@ -220,14 +222,17 @@ def _format_vtp(time_s: float, names: str, data: PolyData) -> str:
     str
         The content in XML.
     """
-    # The format requires one list with the points of all cells, and for each cell the
-    # index in this list at which it ends.
+    # `_format_element` returns a list of lines, and takes the lines inside the element
+    # as arguments. The format requires one list with the points of all cells, and for
+    # each cell the index in this list at which it ends.
     n_cells, n_corners = data.cells.shape
     ends = n_corners * np.arange(1, n_cells + 1)
     topology = {
         "connectivity": data.cells.reshape(-1).astype(np.int64),
         "offsets": ends.astype(np.int64),
     }
+    # The kind of the cells, such as "Verts", is the name of their element and part of
+    # an attribute.
     piece = _format_element(
         f'Piece NumberOfPoints="{len(data.points)}" '
         f'NumberOf{data.cell_kind}="{n_cells}"',
@@ -307,7 +312,7 @@ class VtkSeries:
         ValueError
             If the simulated time is not later than that of the previous state.
         """
-        # The states must be in chronological order.
+        # The states must be in chronological order, and the time finite.
         time = simulation.time_s
         last_time = self._states[-1].time_s if self._states else -math.inf
         if not (math.isfinite(time) and time > last_time):
@@ -322,6 +327,8 @@ class VtkSeries:
         files = [bodies_file]
         if simulation.wall_set.surfaces:
             files.append(self._write_walls(simulation, number))
+        # Now the files exist. If the .pvd file cannot be written, the next call lists
+        # them.
         self._states.append(SavedState(time, files))
         text = self._format_pvd()
         write_whole(self.path, lambda handle: handle.write(text.encode()))

@@ -104,8 +104,8 @@ def update_springs(
         scratch[tile.VN + lane] = vn
 
         # `touching` is 1.0 while the contact lasts. Otherwise it is 0.0, which resets
-        # the spring to zero length.
-        # The index `reach` is a constant, so the compiler keeps only one branch.
+        # the spring to zero length. The default 0 of `reach` stands for a law without
+        # reach, for which this must compile to a single comparison.
         if reach > 0:
             touching = 1.0 if scratch[tile.GAP + lane] <= history[reach + lane] else 0.0
         else:
