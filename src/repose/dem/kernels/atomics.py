@@ -22,7 +22,7 @@ READS_BEFORE_YIELD = 4000
 
 
 def _write_element_pointer(context, builder, signature, values):
-    """Write code for the address of an element of an array, and return the pointer.
+    """Emit code for the address of an element of an array, and return the pointer.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ DASHPOTS = LOAD + state.DASHPOTS * LANES
 
 @inlined
 def quaternion_of(motion, lane):
-    """Return the quaternion (w, x, y, z) of a lane's body, from body axes to world axes."""
+    """Return the quaternion (w, x, y, z) of a lane's body, from body to world axes."""
     return (
         motion[QUATERNION + lane],
         motion[QUATERNION + LANES + lane],
@@ -240,7 +240,8 @@ def rotate_into_world(motion, lane, x, y, z):
 def exceeds_budget(scratch, lane, lx, ly, lz, dt):
     """Return whether an angular momentum exceeds a lane's budget of rolling resistance.
 
-    The budget is reduced slightly, so that no body that may turn is missed by rounding.
+    The budget is the angular momentum that rolling resistance can take from the body in
+    a step. It is reduced slightly, so that rounding never hides a body that may turn.
 
     Parameters
     ----------
@@ -263,8 +264,8 @@ def exceeds_budget(scratch, lane, lx, ly, lz, dt):
 def count_disturbed_bodies(scratch, dt):
     """Count the bodies that may begin to turn in a tile that is at rest.
 
-    A body may begin to turn if its torque times the time step exceeds its budget of
-    rolling resistance.
+    A body may begin to turn if its torque times the time step exceeds its budget: the
+    angular momentum that rolling resistance can take from it in a step.
 
     Parameters
     ----------
@@ -675,10 +676,10 @@ def write_shapes(scratch, motion, parts):
 
 @kernel
 def write_dashpot_shares(scratch, motion, dt, parts):
-    """Write the fraction of the tangential dashpots that acts on each body in a step.
+    """Write which fraction of its tangential dashpots each body allows to act.
 
-    The fraction is for the next step. With this fraction, all dashpots together at most
-    stop the rotation of the body, see `laws.tangential`.
+    The fraction is used in the next step. With this fraction, all dashpots of the body
+    together at most stop its rotation in a step, see `laws.tangential`.
 
     Parameters
     ----------

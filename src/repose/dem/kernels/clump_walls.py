@@ -112,7 +112,7 @@ def point_in_wall_frame(walls, frame, x, y, z):
 
 @inlined
 def write_sphere_contact_in_world(walls, wall, x, y, z, radius, geometry):
-    """Fill `geometry`, in world axes, for a sphere and a cone or ring.
+    """Compute the contact of a sphere with a cone or ring, in world axes.
 
     Parameters
     ----------
@@ -205,7 +205,8 @@ def add_sphere_wall_contact(
 def forget_sphere_contact(contacts, clumps, counts, length_index, k):
     """Record that the sphere of contact k no longer touches the wall.
 
-    The caller then removes the contact. For meshes, the function only copies the sphere
+    The caller then removes the contact. For planes, cones and rings, the bit that marks
+    the sphere as touching is cleared. For meshes, the function only copies the sphere
     of the last contact to index k, because the bits of meshes are rewritten in every
     step.
 

@@ -335,6 +335,10 @@ def add_entry(pairs, counts, grid, i, j):
 def drop_entry(pairs, counts, grid, entry, ghost):
     """Delete an entry without contacts. It becomes a hole, which is never due.
 
+    An entry is a listed pair of clumps that are near each other. A hole is an unused
+    element of the list, which holds the ghost in place of both bodies and an infinite
+    limit. Its index is added to `pairs.free`, so that `add_entry` can use it again.
+
     Parameters
     ----------
     pairs : SpherePairs

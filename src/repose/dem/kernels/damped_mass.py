@@ -129,7 +129,7 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, n_lanes):
 
 @inlined
 def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, n_lanes):
-    """Write the inverse of each body's effective mass on a wall to the row INVERSE_MASS.
+    """Write the inverse of each body's effective mass on a wall (row INVERSE_MASS).
 
     All spheres of a clump on one wall share its mass.
 

@@ -71,7 +71,8 @@ def begin_step(
 ):
     """Remove the contacts of bodies that are gone, and move the walls that move.
 
-    Contacts with planes keep a copy of their plane. These copies are updated.
+    A body is gone if it fell below the floor in the previous step. Contacts with planes
+    keep a copy of their plane. These copies are updated.
 
     Parameters
     ----------
@@ -254,7 +255,7 @@ def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, gho
 def apply_pair_forces(
     bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost
 ):
-    """Add the forces of touching pairs to the loads, and retire pairs that have parted.
+    """Add the forces of touching pairs to the loads, and remove pairs that have parted.
 
     A pair that has parted becomes a near pair again, with its present gap.
 

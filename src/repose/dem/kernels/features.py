@@ -43,14 +43,14 @@ PLACE = 0  # (3), start of an edge or position of a vertex
 RADIUS_COLUMN = 19  # edge radius, of every feature
 
 # Two triangles may be coplanar if their corners are this near to each other's plane, as
-# a share of the mesh's size. A whole group of them is one plane if it is no thicker
-# than the second share.
+# a fraction of the mesh's size. A whole group of them is one plane if it is no thicker
+# than the second fraction.
 FLAT, FLAT_GROUP = 1e-6, 1e-5
 # If the normals of a vertex differ by less than this (in terms of singular values),
 # they do not determine where the vertex moves.
 SAME_NORMAL = 0.01
 # A group of coplanar triangles keeps its plane if its corners lie one edge radius below
-# it, to within this share of the radius.
+# it, to within this fraction of the radius.
 SAME_DEPTH = 1e-5
 # If faces meet in a concave kink of less than this angle [rad], a body touches only the
 # face with the largest overlap.
@@ -60,13 +60,13 @@ LEAST_ANGLE = 1e-9
 # Margin (a sine) by which a direction must lie within a vertex's set of normals.
 LEAST_CONE = 1e-7
 # A triangle has turned over if its area vector or a side, projected on the old one, is
-# below this share of the old one.
+# below this fraction of the old one.
 LEAST_SHARE = 1e-6
 BISECTIONS = 30  # find the largest edge radius to a billionth of the requested one
 PERCEPTRON_STEPS = 40  # attempts to find a direction from which all edges recede
 PERCEPTRON_MARGIN = 1e-3  # how far a step goes beyond the perpendicular to a ray
-LEAST_THICKNESS = 1e-3  # of the grid of cells, as a share of its longest side
-GRID_MARGIN = 1e-6  # room for rounding around the grid, as a share of a cell's edge
+LEAST_THICKNESS = 1e-3  # of the grid of cells, as a fraction of its longest side
+GRID_MARGIN = 1e-6  # room for rounding around the grid, as a fraction of a cell's edge
 HALF_CELL = 0.500001  # half the edge of a cell, with a margin for rounding
 TINY = 1e-300  # divisor in place of a zero
 

@@ -111,7 +111,7 @@ def mark_loads_as_nonzero(bodies, share, body_indices, base):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     share : int
-        Index of the share of the loads.
+        Index of the array of partial sums in `bodies.load`.
     body_indices : array of int
         The bodies of all contacts. Those of the tile begin at `base`.
     base : int
@@ -128,7 +128,7 @@ def prefetch_bodies(rows, load, body_indices, base):
     Parameters
     ----------
     rows, load : array
-        `Bodies.rows`, and a share of `Bodies.load`.
+        `Bodies.rows`, and one of the arrays of partial sums in `Bodies.load`.
     body_indices : array of int
         The bodies of all contacts. Those of the tile begin at `base`.
     base : int
@@ -153,7 +153,7 @@ def prefetch_next_pairs(pairs, load, rows, base):
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     load, rows : array
-        A share of `Bodies.load`, and `Bodies.rows`.
+        One of the arrays of partial sums in `Bodies.load`, and `Bodies.rows`.
     base : int
         Index of the first contact of the current tile.
     """
@@ -243,8 +243,9 @@ def first_law_row(clumps, on_wall):
 def apply_force_laws(scratch, history, physics, clumps, on_wall):
     """Compute the forces and torques on both bodies of each lane by the force laws.
 
-    The geometry of the lanes must have been computed. Writes the rows TO_A and TO_B of
-    `scratch`, and the rows of the laws in `history`.
+    The geometry of the lanes must have been computed. Writes the loads on both bodies
+    (the rows from TO_A and TO_B on of `scratch`), and the rows of the laws in
+    `history`, such as the springs.
 
     Parameters
     ----------
@@ -334,10 +335,12 @@ def write_pair_geometry(scratch, history, parts, clumps):
 
 @kernel
 def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, end):
-    """Compute the forces of touching pairs and add them to one share of the loads.
+    """Compute the forces of touching pairs and add them to the loads of the bodies.
 
-    Adds to `bodies.load` of this share. Overwrites `scratch`, and updates what the
-    pairs keep (`pairs.data`).
+    The pairs are divided into ranges, called shares, which different threads handle.
+    Each share has an array of partial sums of its own, `bodies.load[share]`, to which
+    the forces are added. Overwrites `scratch`, and updates the numbers that the pairs
+    keep in `pairs.data`.
 
     Parameters
     ----------
@@ -356,7 +359,7 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
         and a lane is one contact: `scratch[row + lane]`. The module `tile` names the
         rows.
     share : int
-        Index of the share: the first index of `bodies.load`.
+        Index of the share, the first index of `bodies.load`.
     begin, end : int
         Range of the pairs of this share. `begin` is the first pair of a tile.
 
@@ -369,9 +372,12 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
     n_pairs = min(counts[state.N_PAIRS], end)
     load = bodies.load[share]
     n_ended = 0
+    # The constants of the first material, which are right for all lanes if it is the
+    # only one of the bodies
     fill_law_constants(scratch, physics, 0, 0)
     share_row = state.share_column(physics.parts) * LANES
-    # A large simulation has several shares, and does not fit into the caches.
+    # Only a large simulation divides its loads into several arrays of partial sums.
+    # Such a simulation does not fit into the caches, so prefetching pays.
     is_large = bodies.load.shape[0] > 1
     for base in range(begin, n_pairs, LANES):
         history = pairs.data[base // LANES]
@@ -393,7 +399,8 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
         write_mass_of_pairs(
             scratch, history, pairs, physics.parts, clumps, base, n_lanes
         )
-        # A contact has the smaller of the two dashpot shares, see `laws.tangential`.
+        # Each body allows only a fraction of its tangential dashpots to act. A contact
+        # has the smaller fraction of its two bodies, see `laws.tangential`.
         for lane in range(LANES):
             scratch[tile.SHARE + lane] = min(
                 scratch[tile.A + share_row + lane], scratch[tile.B + share_row + lane]
@@ -404,6 +411,7 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
             for lane in range(n_lanes):
                 gap = scratch[tile.GAP + lane]
                 if gap > separation_gap(history, physics, clumps, OF_PAIR, lane):
+                    # A pair that has parted exerts no force. The caller removes it.
                     clear_lane(scratch, lane)
                     pairs.gap[base + lane] = gap
                     pairs.ended[begin + n_ended] = base + lane
@@ -503,9 +511,11 @@ def write_wall_laws_and_motion(
 def schedule_wall_search(bodies, contacts, walls, k, gap):
     """Schedule the next search for contacts between a body and a wall that have parted.
 
-    The search is due when the body and the wall of contact k may have closed the gap.
-    Writes the limit of this wall and body in `contacts`, and lowers
-    `bodies.wall_check`, the displacement at which the body is checked.
+    The path of a body is its displacement plus that of the walls until now. The search
+    is due when this path has grown by the gap between the body and the wall of contact
+    k. The function writes the path of the next search to `contacts.limit`, and lowers
+    `bodies.wall_check`, the path at which any wall is due for the body. It also sets to
+    zero how far the bodies of the tile may move without a check (`bodies.wall_margin`).
 
     Parameters
     ----------
@@ -590,6 +600,8 @@ def add_wall_forces_to_loads(
 ):
     """Add the forces of a tile of contacts to the loads of the bodies and the walls.
 
+    The loads of the walls are added up only if the user requested them.
+
     Parameters
     ----------
     bodies : Bodies
@@ -608,7 +620,7 @@ def add_wall_forces_to_loads(
         rows.
     """
     add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch)
-    # Contacts with walls are added to the first share of the loads.
+    # Contacts with walls are added to the first array of partial sums.
     add_forces_to_loads(bodies.load[0], contacts.body, base, scratch, tile.TO_A)
     if bodies.load.shape[0] > 1:
         mark_loads_as_nonzero(bodies, 0, contacts.body, base)
@@ -618,8 +630,8 @@ def add_wall_forces_to_loads(
 def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
     """Remove contact k with a wall from its list.
 
-    If the body is a clump, its sphere is marked as free, so that the sphere can begin a
-    new contact with the wall.
+    If the body is a clump, its sphere is marked as not touching the wall, so that the
+    sphere can begin a new contact with it.
 
     Parameters
     ----------
@@ -644,7 +656,7 @@ def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
 
 @inlined
 def drop_ended_contacts(contacts, clumps, counts, length_slot, n_ended, ghost):
-    """Remove the contacts with walls that ended in this step, from the last to the first.
+    """Remove the contacts with walls that ended in this step, beginning with the last.
 
     The last contact of the list replaces a removed one. In this order, the replacement
     is never a contact that has ended, so the remaining indices stay valid.
@@ -770,10 +782,11 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
 
 @inlined
 def mark_past_edge(flat, clumps, k):
-    """Mark the body of contact k as past its wall, after it slid over the edge of a disc.
+    """Mark a body as past a disc after it slid over the edge of the disc.
 
-    The body cannot begin another contact with the disc until it is clear of the plane,
-    see `walls`. For a clump, only the sphere of the contact is marked.
+    The body is that of contact k. A body that is past a wall overlaps the wall's
+    surface beyond its end or from behind, and cannot begin a contact until it is clear
+    of the surface, see `walls`. For a clump, only the sphere of the contact is marked.
 
     Parameters
     ----------
@@ -794,9 +807,11 @@ def mark_past_edge(flat, clumps, k):
 
 @inlined
 def mark_past_end(bodies, curved, clumps, walls, n_contacts, k, depth):
-    """Mark the body of contact k as past its wall, after it slid over the wall's end.
+    """Mark a body as past a curved wall after it slid over the end of the wall.
 
-    For a clump, only the sphere of the contact is marked.
+    The body is that of contact k. A body that is past a wall overlaps the wall's
+    surface beyond its end or from behind, and cannot begin a contact until it is clear
+    of the surface, see `walls`. For a clump, only the sphere of the contact is marked.
 
     Parameters
     ----------
@@ -1086,7 +1101,7 @@ def update_mesh_contact(
 ):
     """Update contact k with a mesh; return whether it still touches.
 
-    Writes the geometry of the contact to `geometry`.
+    The geometry of the contact is written to `geometry`, in world axes.
 
     Parameters
     ----------
@@ -1161,8 +1176,8 @@ def add_mesh_forces(
     """Compute the forces of all contacts with meshes and add them to the loads.
 
     Adds to `bodies.load`, and to `walls.loads` if the user requested it. Overwrites
-    `scratch`, and updates what the contacts keep (`meshed.data`). Contacts that have
-    ended are removed, and their meshes are searched again in the next step.
+    `scratch`, and updates the numbers that the contacts keep in `meshed.data`. Contacts
+    that have ended are removed, and their meshes are searched again in the next step.
 
     Parameters
     ----------

@@ -367,10 +367,10 @@ def climb_edge(row, parts, edge, angle):
 
 @kernel
 def solve_edge(row, parts, edge, geometry):
-    """Find the maximum of f within the arc of an edge, and fill `geometry` for it.
+    """Find the normal of an edge with the largest gap, and fill `geometry` for it.
 
-    f is the gap between the body and the edge along the normal at an angle about the
-    edge.
+    The normals of an edge form an arc between those of its two faces. f is the gap
+    between the body and the edge along the normal at an angle in this arc.
 
     Parameters
     ----------
@@ -479,7 +479,9 @@ def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
 
 @kernel
 def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
-    """Fill `geometry` for a body and a vertex, at the normal of the largest gap.
+    """Compute the contact of a body with a vertex, and write it to `geometry`.
+
+    The solver has found the normal of the vertex at which the gap is largest.
 
     Parameters
     ----------
@@ -504,7 +506,8 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
         the smallest sine over all edges. It is negative outside the set.
     """
     vertex = meshes.data[feature]
-    # Find the edge that is nearest to the normal.
+    # Find the edge that is nearest to the normal: the one with the smallest sine. The
+    # search starts with a number larger than any sine.
     smallest_sine = 1e300
     ux, uy, uz = 1.0, 0.0, 0.0
     for k in range(meshes.span[feature, 0], meshes.span[feature, 1]):

@@ -77,7 +77,10 @@ def meet_in_gentle_kink(meshes, face, other):
 
 @inlined
 def has_contact_with_feature(contacts, meshes, n_contacts, body, feature, ignored):
-    """Return whether a body touches a feature, or a face in a gentle kink with it.
+    """Return whether the list has a contact of a body with a feature of a mesh.
+
+    A contact with a face that meets this feature in a gentle kink, a concave edge with
+    a small angle, counts as well: of such faces, a body touches only one.
 
     Parameters
     ----------
@@ -426,9 +429,10 @@ def hand_over_contact(
 ):
     """Move contact k, with its spring, to the feature that the body touches now.
 
-    This is the feature whose normal is nearest to the last normal, among all touched
-    features around the contact point. The function changes `contacts.feature` and the
-    angle in `contacts.data`.
+    The contact has left its feature (face, edge or vertex). The new feature is the one
+    whose normal is nearest to the last normal, among all features that the body touches
+    around the contact point. The function overwrites `geometry`, and changes
+    `contacts.feature` and the angle about an edge in `contacts.data`.
 
     Parameters
     ----------

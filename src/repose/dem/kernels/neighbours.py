@@ -308,8 +308,8 @@ def add_contact(pairs, counts, grid, i, j, normal):
 def drop_contact(pairs, counts, grid, k, ghost):
     """Remove touching pair k from the list and move the last pair to its index.
 
-    Two ghosts are written to the element that becomes free, so that whole tiles can be
-    computed.
+    The element that becomes free gets the ghost as both of its bodies, so that whole
+    tiles can be computed: no force moves this body without mass.
 
     Parameters
     ----------
@@ -424,7 +424,8 @@ def check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
 def find_next_due(displacement, first, second, limit, begin, end):
     """Find the first near pair of a range that is due for a check.
 
-    A pair is due when the displacements of its bodies have reached its limit.
+    A pair is due when the displacements of its two bodies have reached its limit, a sum
+    at which the bodies may touch.
 
     Parameters
     ----------

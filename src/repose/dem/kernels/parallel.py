@@ -74,6 +74,9 @@ def share_range(n_items, share, group_size):
 def smallest_slack(displacement, first, second, limit, begin, end):
     """Return how far the bodies of a range of pairs may move before a pair is due [m].
 
+    The slack of a pair is its limit minus the displacements of its two bodies until
+    now. The smallest slack of the range is returned.
+
     Parameters
     ----------
     displacement : array (bodies,)
@@ -338,7 +341,8 @@ def add_found_contacts(pairs, counts, grid, touching, n_touching, begins):
         Indices of these pairs in the list of near pairs, in increasing order within
         each share.
     n_touching, begins : array of int (SHARES,)
-        Number of pairs that each share found, and their first index in `touching`.
+        Number of pairs that each share (range of near pairs) found, and their first
+        index in `touching`.
     """
     for share in range(SHARES - 1, -1, -1):
         begin = begins[share]
@@ -375,6 +379,11 @@ def advance_shared(
     n_steps,
 ):
     """Run one thread's part of several time steps, and return the number of steps made.
+
+    The work is divided into SHARES shares, whatever the number of threads, so that the
+    result does not depend on this number. All threads run this function at the same
+    time, and wait for each other in `wait_for_all` between the phases of a step. Only
+    the first thread changes lists of pairs.
 
     Parameters
     ----------

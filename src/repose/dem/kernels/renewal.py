@@ -214,6 +214,10 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
 def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     """Remove the touching pairs and the entries of clumps for bodies that are gone.
 
+    A body is gone if it has fallen below the floor. An entry is a listed pair of clumps
+    that are near each other. Near pairs of smooth bodies are removed later, by
+    `renew_pairs`.
+
     Parameters
     ----------
     bodies : Bodies

@@ -284,7 +284,9 @@ def sum_loads(bodies, tile_number, scratch):
 
 @inlined
 def move_single_load(bodies, tile_number, scratch):
-    """Copy the only share of a tile's loads to the rows LOAD, and clear the share.
+    """Copy the loads of a tile's bodies to the rows LOAD, and clear them.
+
+    In a small simulation, `bodies.load` has only one array of partial sums.
 
     Parameters
     ----------
@@ -377,8 +379,10 @@ def scatter_rows(bodies, first_body, scratch, n_columns):
 def integrate(bodies, counts, physics, scratch, begin, end):
     """Advance bodies `begin` to `end` by one step, and clear their loads.
 
-    If the loads have several shares, the longest path of each tile is written to
-    `bodies.longest_path` and subtracted from `bodies.wall_margin`.
+    In a large simulation, whose loads have several arrays of partial sums, the longest
+    path of each tile in this step is written to `bodies.longest_path` and subtracted
+    from `bodies.wall_margin`, which is how far the bodies of the tile may still move
+    until one of them is due for a search of the walls.
 
     Parameters
     ----------

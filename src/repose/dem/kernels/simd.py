@@ -1,4 +1,4 @@
-"""Write LLVM code that numba does not generate: transpositions, prefetches, 1 / sqrt(x).
+"""Emit LLVM code that numba does not: transpositions, prefetches and 1 / sqrt(x).
 
 Bodies are stored in rows of a table: all columns of one body, then those of the next.
 The inner loops need lanes: one column of 32 bodies, then the next column (see `rows`).
@@ -12,7 +12,7 @@ contact. On an AMD Zen the processor's own roots are faster and are used.
 The intrinsics write plain LLVM code, so they compile for any processor. Numba does not
 check the bounds of arrays in them, so this is up to the caller.
 
-In the functions that write code, `builder` is LLVM's builder, which appends
+In the functions that emit code, `builder` is LLVM's builder, which appends
 instructions to the function being compiled. Its methods return LLVM values: the results
 of these instructions at run time.
 """
@@ -47,7 +47,7 @@ COPY_ARGUMENTS = ("table", "column", "index", "k", "tile", "first", "stride")
 
 
 def _shuffle(builder, first, second, positions):
-    """Write a shuffle, which picks WIDTH numbers out of two vectors.
+    """Emit a shuffle, which picks WIDTH numbers out of two vectors.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def _shuffle(builder, first, second, positions):
 
 
 def _load(builder, pointer, kind=VECTOR):
-    """Write the load of a vector, and return the vector as an LLVM value.
+    """Emit the load of a vector, and return the vector as an LLVM value.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def _load(builder, pointer, kind=VECTOR):
 
 
 def _store(builder, vector, pointer):
-    """Write the store of a vector.
+    """Emit the store of a vector.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def _make_copy_intrinsic(write_code):
     Parameters
     ----------
     write_code : callable
-        Function (builder, copy) -> None that writes the code. `builder` is LLVM's
+        Function (builder, copy) -> None that emits the code. `builder` is LLVM's
         builder, and `copy` the arguments as `_CopyArguments`. The name and docstring of
         the function become those of the intrinsic.
 

@@ -247,7 +247,9 @@ def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
 def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch):
     """Find all touching spheres of clumps i and j, and watch the nearest of the others.
 
-    New contacts are added to the entry of the two bodies.
+    An entry is a listed pair of clumps that are near each other. New contacts are added
+    to the entry of i and j. It watches the pairs of spheres with the smallest gaps:
+    each of them gets a limit, at which its gap is checked again.
 
     Parameters
     ----------
@@ -412,7 +414,8 @@ def sphere_gap(bodies, clumps, i, j, a, b):
 def drop_watched_pair(pairs, entry, slot):
     """Remove a pair of spheres from those that an entry watches.
 
-    The last watched pair moves to its slot.
+    An entry, a listed pair of clumps, has slots for pairs of spheres whose gaps are
+    checked separately. The last watched pair moves to the slot that becomes free.
 
     Parameters
     ----------

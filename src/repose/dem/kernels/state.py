@@ -1,4 +1,4 @@
-"""The arrays of a simulation, grouped as named tuples that the kernels take as arguments.
+"""The arrays of a simulation, grouped as named tuples, the arguments of the kernels.
 
 The named tuples after the constants describe what each array holds. Contacts and the
 motion of bodies are stored in tiles (see `rows`): number k is lane k % LANES of tile
@@ -136,7 +136,7 @@ WALL_PATH, WALL_SPEED, WALLS_MOVE = range(3)
 
 
 class Bodies(NamedTuple):
-    """The bodies; N is a multiple of LANES, and T = N / LANES is the number of tiles."""
+    """The bodies; N is a multiple of LANES, and T = N / LANES the number of tiles."""
 
     rows: Any  # (N, columns), see POSITION to SHAPE
     load: Any  # (shares, N, LOAD_COLUMNS): the sum over the shares acts on a body
@@ -311,10 +311,10 @@ def bounding_radius(bodies, i):
 
 @inlined
 def share_column(parts):
-    """Return the column of `Bodies.rows` with a body's share of tangential dashpots.
+    """Return the column of `Bodies.rows` with a body's dashpot fraction.
 
-    The column follows the shape of the body. For the share see
-    `body_rotation.write_dashpot_shares`.
+    This is the fraction of its tangential dashpots that the body allows to act, see
+    `body_rotation.write_dashpot_shares`. The column follows the shape of the body.
     """
     return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
 

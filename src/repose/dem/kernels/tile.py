@@ -51,8 +51,8 @@ PUSH = _rows.take()  # normal force that limits friction and rolling
 # Radius of the contact circle, written by the contact law; 0 if the bodies do not
 # touch.
 CIRCLE = _rows.take()
-# The tangential dashpot [N s/m], written by the contact law, and the share of it that
-# acts (see `body_rotation.write_dashpot_shares`).
+# The tangential dashpot [N s/m], written by the contact law, and the fraction of it
+# that acts (see `body_rotation.write_dashpot_shares`).
 DASHPOT, SHARE = _rows.take_each(2)
 STEP = _rows.take(3)  # change of the normal in this step [rad]
 V = _rows.take(3)  # tangential velocity of A relative to B
@@ -74,7 +74,7 @@ BEYOND = math.inf
 NEAREST = 1e-30  # if centres are nearer than this, they do not define a normal [m]
 LARGEST_TURN = 0.2  # largest change of a contact normal in one step [rad]
 # The matrix of the Newton step counts as definite when its determinant exceeds this
-# share of the squared trace of the curvature.
+# fraction of the squared trace of the curvature.
 LEAST_DETERMINANT = 1e-3
 
 
@@ -175,8 +175,9 @@ def body_support(scratch, shape_row, parts, lane, nx, ny, nz):
 def write_support_of_a(scratch, history, parts):
     """Write support point and curvature of body A of each lane to the scratch tile.
 
-    Writes the rows SUPPORT (outermost point along the normal), CURVATURE_A (curvature
-    matrix there) and AREA_A (product of the principal radii of curvature).
+    Writes the rows SUPPORT (the body's outermost point along the normal, from its
+    centre), CURVATURE_A (the curvature matrix there, which holds radii of curvature)
+    and AREA_A (the product of the two principal radii of curvature).
 
     Parameters
     ----------

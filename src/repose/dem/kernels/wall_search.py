@@ -268,6 +268,9 @@ def search_due_bodies(
 ):
     """Find new contacts with walls for the bodies of a range that are due.
 
+    A body is due when its displacement plus that of the walls until now has reached
+    `bodies.wall_check`, the smallest path at which it may touch a wall.
+
     Parameters
     ----------
     bodies : Bodies

@@ -718,7 +718,7 @@ def row_in_wall_frame(walls, frame, row, parts, local_row):
 
 @inlined
 def write_sphere_contact_in_frame(x, y, z, radius, walls, wall, geometry):
-    """Fill `geometry` for a sphere and a cone or ring, in the frame of the wall.
+    """Compute the contact of a sphere with a cone or ring, in the frame of the wall.
 
     Parameters
     ----------
@@ -747,7 +747,7 @@ def write_sphere_contact_in_frame(x, y, z, radius, walls, wall, geometry):
 
 @inlined
 def write_sphere_body_contact(row, walls, wall, geometry):
-    """Fill `geometry` for a spherical body, and return whether it is on the wall.
+    """Compute the contact of a spherical body, and return whether it is on the wall.
 
     Parameters
     ----------

@@ -207,7 +207,8 @@ def compute_branches(
     Parameters
     ----------
     stiffness, stiffening, adhesion : float
-        4/3 E* [Pa], k2 / k1, and the strongest pull over sqrt(R* d_p) [N/m].
+        4/3 E* [Pa], the ratio k2 / k1 of the stiffnesses of unloading and loading, and
+        the strongest pull over sqrt(R* d_p) [N/m].
     radius, plastic_overlap : float
         Effective radius R* and plastic overlap d_p [m].
 
@@ -353,7 +354,7 @@ def compute_forces(
 def kernel(
     law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
 ) -> None:
-    """Compute the forces of 32 contacts, one in each lane, of this time step.
+    """Compute the forces of LANES contacts, one in each lane, of this time step.
 
     Parameters
     ----------

@@ -320,7 +320,7 @@ def compute_forces(
 def kernel(
     law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
 ) -> None:
-    """Compute the forces of 32 contacts, one in each lane, of this time step.
+    """Compute the forces of LANES contacts, one in each lane, of this time step.
 
     The work is split into several short loops, because a processor can overlap more
     iterations of a short loop.

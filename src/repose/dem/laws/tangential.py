@@ -23,10 +23,10 @@ The dashpots of all contacts of a body add up in its rotation about the long axi
 a time step dt, they may reverse this rotation, and a body that touches eight others
 could tremble forever. Therefore all dashpots together may at most stop the rotation of
 a body in one step. Let J be the inverse moments of inertia, d the damping constants and
-r their arms. If S = dt max(J) sum(d r^2) is above 1, a body allows only the share 1 / S
-of each dashpot, and a contact has the smaller share of its two bodies. The share comes
-from the previous step. For shorter time steps the share is 1, so it is not part of the
-law itself.
+r their arms. If S = dt max(J) sum(d r^2) is above 1, a body allows only the fraction
+1 / S of each dashpot to act, and a contact has the smaller fraction of its two bodies.
+The fraction comes from the previous step. For shorter time steps it is 1, so it is not
+part of the law itself.
 
 Rows of the tile `scratch` (see `kernels.tile`): velocities and arms of both bodies and
 SHARE are read; V (v_t), VN (v_n), TO_A (the force on A), PUSH (F_c) and DASHPOT (d) are
