@@ -44,8 +44,8 @@ def index_contacts(
     Raises
     ------
     ValueError
-        For an unknown material, a value that is not a `Contact`, or different contacts
-        for the two orders of a pair.
+        If a material is unknown, if a value is not a `Contact`, or if the two orders of
+        a pair have different contacts.
     """
     if not isinstance(contacts, Mapping):
         raise ValueError(
@@ -155,7 +155,7 @@ def _check_constants_of_contact(law: Law, values: Mapping[str, float]) -> None:
     Raises
     ------
     ValueError
-        For a constant that is missing, out of bounds, or not needed by the law.
+        If a constant is missing, out of bounds, or not needed by the law.
     """
     for constant in law.asks:
         if constant.name not in values:

@@ -246,7 +246,7 @@ class Observables(World):
         Notes
         -----
         At a contact, the wall is replaced by its tangent plane n.x = c. If h is the
-        support function of the body and x is its centre, the overlap is h(n) + n.x - c.
+        support function of the body and p its centre, the overlap is h(n) + n.p - c.
         """
         # Compute the overlaps kind by kind. Those with meshes were stored in the last
         # step.

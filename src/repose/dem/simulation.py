@@ -333,7 +333,7 @@ class Simulation(Observables):
         Raises
         ------
         ValueError
-            If it is not a whole number of 0 or more.
+            If `steps` is not a whole number of 0 or more.
         RuntimeError
             If bodies overlap so much that a list of contacts overflows within one step.
         """

@@ -482,8 +482,8 @@ def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
     Raises
     ------
     ValueError
-        If they are not whole numbers of this shape, if they refer to a missing vertex,
-        or if a triangle has no area.
+        If the value is not an array (F, 3) of whole numbers, if it refers to a missing
+        vertex, or if a triangle has no area.
     """
     faces = np.asarray(value)
     # An array of whole numbers with three columns and at least one row

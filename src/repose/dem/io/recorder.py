@@ -69,11 +69,13 @@ class Recorder:
         Returns
         -------
         dict of str to ndarray
-            time_s (T,) [s]; position (T, N, 3) [m] and quaternion (T, N, 4) in single
-            precision, which are NaN for a body that is not present; shape (N,), the
-            index among the names of the shapes; scale (N,); planes (T, P, 7) and
-            wall_frames (T, C, 12), the walls in the form that the kernels use
-            (`repose.dem.kernels.state`).
+            The arrays by name. ``time_s`` (T,) has the simulated times [s].
+            ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) are in single
+            precision, and NaN for a body that is not present. ``shape`` (N,) is the
+            index among the names of the shapes, and ``scale`` (N,) the scale of each
+            body. ``planes`` (T, P, 7) and ``wall_frames`` (T, C, 12) are the P planes
+            and the C other walls in the form that the kernels use, with the columns
+            that `repose.dem.kernels.state` names.
         """
         n_frames = len(self._frames)
         # Bodies are only added, so the last frame has the most.

@@ -55,7 +55,7 @@ def write_vtk(
     Raises
     ------
     ValueError
-        If the content is unknown, or if the name has another ending.
+        If the content is unknown, or if the file's name does not end in .vtp.
 
     Notes
     -----
@@ -213,7 +213,7 @@ def _format_vtp(time_s: float, names: str, data: PolyData) -> str:
     time_s : float
         Simulated time [s].
     names : str
-        The element with the names of shapes or walls.
+        XML element with the names of shapes or walls (`_format_names`).
     data : PolyData
         Points, cells, and their data.
 

@@ -74,8 +74,8 @@ def write_arms(scratch, history, body_row, centre_row, arm_row):
         Scratch tile of LANES contacts, one in each lane, with the quaternions of the
         bodies.
     history : array
-        Tile of the numbers that these contacts keep, with the centres of their spheres
-        in body axes.
+        Tile of the numbers that these contacts keep, one contact in each lane, with the
+        centres of their spheres in body axes.
     body_row : int
         First row of the bodies in `scratch`: tile.A or tile.B.
     centre_row : int
@@ -112,8 +112,8 @@ def write_sphere_pair_geometry(scratch, history):
         Scratch tile of LANES contacts, one in each lane, with copies of the two bodies
         in the rows from tile.A and tile.B on.
     history : array
-        Tile of the numbers that these contacts keep, with the centres and radii of
-        their spheres.
+        Tile of the numbers that these contacts keep, one contact in each lane, with the
+        centres and radii of their spheres.
     """
     # Write the vectors from the centres of the clumps to those of the spheres. The loop
     # below reads them.
@@ -169,8 +169,8 @@ def write_sphere_plane_geometry(scratch, history):
         Scratch tile of LANES contacts, one in each lane, with copies of their bodies in
         the rows from tile.A on.
     history : array
-        Tile of the numbers that these contacts keep: the plane, and the centre and
-        radius of the sphere.
+        Tile of the numbers that these contacts keep, one contact in each lane: the
+        plane, and the centre and radius of the sphere.
     """
     write_arms(scratch, history, tile.A, CENTRE, ARM_A)
     for lane in range(LANES):

@@ -660,7 +660,9 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     angle : float
         Angle about an edge [rad]; 0.0 for other features.
     inside_distance : float
-        How far inside the feature the contact lies [m]; OUTSIDE if there is none.
+        How far inside the feature the contact lies [m], for a vertex as a sine times
+        `radius`. It is negative outside the feature, and OUTSIDE, a large negative
+        number, if there is no contact.
     free_distance : float
         If positive, a lower bound of the distance from the body to the feature [m].
     """

@@ -4,11 +4,10 @@ As in `neighbours`, an entry of `clumps.SpherePairs` is checked when the displac
 of its two bodies have reached its limit. The displacement of a body is an upper bound
 of the motion of each of its spheres. There are two kinds of check.
 
-* A full search computes the gaps of all pairs of spheres. Afterwards, the entry
-*watches*
-  the nearest pairs that do not touch, each with a limit of its own. All other pairs
-  share the limit `unwatched_limit`, which is the sum of the displacements at this
-  search plus their smallest gap.
+* A full search computes the gaps of all pairs of spheres. Afterwards, the entry watches
+  the nearest pairs that do not touch: each gets a slot in the entry, and a limit of its
+  own. All other pairs share the limit `unwatched_limit`, which is the sum of the
+  displacements at this search plus their smallest gap.
 * Until `unwatched_limit` is reached, a check computes the gaps of only those watched
   pairs that have reached their own limits.
 

@@ -83,9 +83,10 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
     Notes
     -----
     With "keep", the contact lasts until the bodies part, so the dashpot pulls at the
-    end, and beta = -ln e / sqrt(ln^2 e + pi^2) (Tsuji et al. 1992). "cut" uses the same
-    beta without the pull, so bodies leave faster. With "release", the contact ends when
-    the force vanishes, and beta is found by bisection from `_compute_log_restitution`.
+    end, and beta = -ln e / sqrt(ln^2 e + pi^2) (Tsuji et al. 1992). With "cut", beta is
+    the same, but the contact ends before the dashpot pulls, so bodies leave faster.
+    With "release", the contact ends when the force vanishes, too, and beta is found by
+    bisection from `_compute_log_restitution`, so that the restitution is e.
     """
     log_e = math.log(restitution)
     if tension != "release" or restitution == 1.0:
@@ -328,7 +329,7 @@ def kernel(
     Parameters
     ----------
     law : namedtuple
-        The options of the law.
+        The options of the law as integers: `tension` and `friction_limit`.
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
         keep from one step to the next. A row holds one quantity of all contacts, and a

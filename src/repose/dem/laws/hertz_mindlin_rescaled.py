@@ -85,7 +85,7 @@ def kernel(
     Parameters
     ----------
     law : namedtuple
-        The options of the law.
+        The options of the law as integers: `tension` and `friction_limit`.
     scratch, history : numpy.ndarray
         Tiles of 32 contacts: the working memory of this step, and what the contacts
         keep from one step to the next. A row holds one quantity of all contacts, and a
