@@ -498,8 +498,32 @@ def test_the_drum_and_the_contents_have_places(tmp_path):
     )
     drum = text[text.index('id="drum"') : text.index('id="other-parameters"')]
     says(drum, "50.8 ± 1.2 deg", '<td data-head="simulated">27 deg</td>')
+    # Without published sets there is nothing to compare with.
+    assert 'id="drum-result"' not in text
     for name in re.findall(r'href="#([\w-]+)"', text):
         assert f'id="{name}"' in text, name
+
+
+@pytest.mark.parametrize(("slip_deg", "disagrees"), [(50.8, True), (20.0, False)])
+def test_a_slip_after_the_end_of_the_articles_run_stands_beside_the_verdict(
+    tmp_path, slip_deg, disagrees
+):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    sets = pd.DataFrame([{name: 0.25 for name in PARAMETERS}] * 2)
+    sets["solution"] = ["22", "representative"]
+    sets.to_csv(tmp_path / "published.csv", index=False)
+    rows = [
+        ("first slip, turned", "before_turned_deg", slip_deg, 1.2, 6),
+        ("turned at the reported time", "report_turned_deg", 27.0, 0.0, 6),
+    ]
+    columns = ["quantity", "key", "mean", "standard_error", "runs"]
+    pd.DataFrame(rows, columns=columns).to_csv(tmp_path / "drum.csv", index=False)
+    files["published"] = tmp_path / "published.csv"
+    files["drum_summary"] = tmp_path / "drum.csv"
+    text = written((config, jobs, files), tmp_path)
+    above = text[: text.index('id="origin"')]
+    assert ('id="drum-result"' in above) == disagrees
+    assert (f"first slips at {slip_deg:.0f}°" in above) == disagrees
 
 
 def test_a_prediction_comes_with_its_expected_optimism(tmp_path):

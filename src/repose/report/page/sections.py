@@ -122,6 +122,7 @@ class DrumSection(NamedTuple):
     """The answer in the rotating drum."""
 
     comparison: str  # with the article; empty if there are no published sets
+    disagrees: bool  # whether the comparison shows a disagreement with the article
     table: Table
     figures: list[EmbeddedPicture]
 
@@ -803,16 +804,18 @@ def make_drum_section(results: Results) -> DrumSection | None:
     # Only the study of the article's grain has published sets. Other studies have
     # nothing to compare.
     comparison = ""
+    disagrees = False
     if len(results.published_sets) > 0:
-        comparison = _compare_slip_with_article(summary)
+        comparison, disagrees = _compare_slip_with_article(summary)
     return DrumSection(
         comparison=comparison,
+        disagrees=disagrees,
         table=Table(["quantity", "simulated", "runs"], rows, style="drum"),
         figures=embed_captioned_pictures(results.files, captions.DRUM_FIGURES),
     )
 
 
-def _compare_slip_with_article(summary: pd.DataFrame) -> str:
+def _compare_slip_with_article(summary: pd.DataFrame) -> tuple[str, bool]:
     """Compare the first slip of the bed of grains in the simulation and in the article.
 
     Parameters
@@ -822,12 +825,14 @@ def _compare_slip_with_article(summary: pd.DataFrame) -> str:
 
     Returns
     -------
-    str
-        The sentences. They are empty if one of two angles is missing: `SLIP_ANGLE`, at
+    sentences : str
+        The comparison. It is empty if one of two angles is missing: `SLIP_ANGLE`, at
         the first slip, or `REPORT_ANGLE`, at the end of the article's run.
+    disagrees : bool
+        Whether the simulated bed first slips after the end of the article's run.
     """
     if SLIP_ANGLE not in summary.index or REPORT_ANGLE not in summary.index:
-        return ""
+        return "", False
     slip_deg = summary.loc[SLIP_ANGLE, "mean"]
     report_deg = summary.loc[REPORT_ANGLE, "mean"]
     comparison = (
@@ -838,9 +843,10 @@ def _compare_slip_with_article(summary: pd.DataFrame) -> str:
     )
     # If the bed slips at a larger angle, it has not slipped yet when the article's run
     # ends, but the bed in the article has.
-    if slip_deg > report_deg:
+    disagrees = bool(slip_deg > report_deg)
+    if disagrees:
         comparison += " So in this test the simulation disagrees with the article."
-    return comparison
+    return comparison, disagrees
 
 
 # --- Other parameters, the method, the tables -----------------------------------------
