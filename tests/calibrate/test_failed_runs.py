@@ -324,9 +324,12 @@ def test_results_of_runs_that_had_none_are_told_later(tmp_path, verb):
     assert "tell these rows again before those of the next runs" in told.err
     whole[4:].to_csv(tmp_path / "rest.csv", index=False)
     message = verb("tell", "rest.csv", "runs.csv", status=2).err
-    assert "rest.csv, row 1: sample and run is [3, '1']; expected each once" in message
+    assert (
+        "rest.csv, row 1: sample and run is [3, '1']; expected each pair once"
+        in message
+    )
     assert "row 5 of " in message
-    assert "runs.csv has them, too: leave out a row that was told before" in message
+    assert "runs.csv has the same: leave out a row that was already added" in message
     assert "row 2" not in message
     whole[5:7].to_csv(tmp_path / "rest.csv", index=False)
     assert "8 runs of 4 samples, 1 failed" in verb("tell", "rest.csv", "runs.csv").out

@@ -19,7 +19,7 @@ from repose.calibrate.designs.latin_hypercube import (
 from repose.calibrate.inversion import make_interval_table, restrict_to_free_parameters
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.parameter_types import describe_wide_ranges
-from repose.calibrate.record import _compute_rounding_sizes
+from repose.calibrate.record import _compute_reference_sizes
 from repose.calibrate.search.objective import Preference
 from repose.calibrate.study_file import make_targets
 from repose.calibrate.surrogates import load, make, on_scale
@@ -261,10 +261,10 @@ def test_the_card_calls_a_value_at_the_bound_by_its_place_along_the_scale():
 def test_the_accepted_rounding_is_that_of_the_logarithm():
     values = np.array([1e-4, 1e-2])
     width = np.log(HIGH / LOW)
-    assert _compute_rounding_sizes(SPACE, "gamma", values).tolist() == pytest.approx(
+    assert _compute_reference_sizes(SPACE, "gamma", values).tolist() == pytest.approx(
         (width * values).tolist()
     )
-    assert _compute_rounding_sizes(SPACE, "mu", values).tolist() == pytest.approx(
+    assert _compute_reference_sizes(SPACE, "mu", values).tolist() == pytest.approx(
         [0.8, 0.8]
     )
-    assert _compute_rounding_sizes(SPACE, "e", values).tolist() == [0.4, 0.4]
+    assert _compute_reference_sizes(SPACE, "e", values).tolist() == [0.4, 0.4]

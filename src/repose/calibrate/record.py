@@ -69,18 +69,18 @@ Point = tuple[float, ...]
 
 
 class _Turn(NamedTuple):
-    """A proposal of the strategy, with the number of its turn."""
+    """A proposal of the strategy, with the number of its turn, counted from 1."""
 
     proposal: Batch | Answer
     number: int
 
 
-class _RunNumber(NamedTuple):
-    """The sample and the number of a run, and whether the strategy asked for it."""
+class _RunLabel(NamedTuple):
+    """The cells that identify a run in the table, and whether the run was requested."""
 
     sample: str
-    run: str
-    was_requested: bool
+    run: str  # number of the run within its sample
+    was_requested: bool  # whether the strategy asked for the run
 
 
 class Record:
@@ -107,15 +107,18 @@ class Record:
         self.study = study
         self.file = None if file is None else Path(file)
         self.data = pd.DataFrame()  # a checked row for each run
-        # The same runs as text, with all columns of the file.
+        # The same runs in the same order, as text, with all columns of the file.
+        # `_replace_rows` sets both together.
         self._rows: list[Row] = []
-        # Whether the file was written by a record, not by the user.
+        # Whether this program wrote the file, so that it has the column of the turns.
+        # Otherwise the user made the file.
         self._is_record = False
-        # The present turn, see `_find_turn`; None until it is needed.
+        # The turn whose runs are to be made next. None means that `_find_turn` must
+        # find it again, because the rows have changed.
         self._cached_turn: _Turn | None = None
-        # The last proposal, with the runs that it is based on as its key.
-        self._proposals: dict[str, Batch | Answer] = {}
-        # Columns of which the user was already told that they are not read.
+        # The last proposal, with the runs that it is based on; None before the first.
+        self._cached_proposal: tuple[str, Batch | Answer] | None = None
+        # Unread columns that `new_unread_columns` has already described to the user.
         self._described_columns: set[str] = set()
         # Only the thread that holds this lock reads or adds runs.
         self._lock = threading.RLock()
@@ -179,9 +182,9 @@ class Record:
         return self._cached_turn
 
     def _find_turn(self) -> _Turn:
-        """Find the present turn.
+        """Find the turn (a proposal with its runs) whose runs are to be made next.
 
-        It is the last turn in the record while some runs of this turn are missing.
+        If some runs of the last turn in the record are missing, that turn goes on.
         Otherwise a new turn begins.
 
         Returns
@@ -193,8 +196,9 @@ class Record:
         data = self.sorted_data
         has_turns = last_turn > 0
         if has_turns:
-            # The proposal of a turn depends only on the runs of earlier turns. The rows
-            # of `data` are sorted by turn.
+            # Propose the last turn again. Its proposal depends only on the runs of
+            # earlier turns. The rows of `data` are sorted by turn, so sort the numbers
+            # of the turns as well.
             is_earlier = np.sort(self._turn_numbers) < last_turn
             proposal = self._propose(data[is_earlier])
             if len(self._missing_runs(proposal)):
@@ -216,7 +220,7 @@ class Record:
         return self.data.iloc[order].reset_index(drop=True)
 
     def _propose(self, data: pd.DataFrame) -> Batch | Answer:
-        """Ask the strategy for its proposal after some runs.
+        """Ask the strategy what to simulate after some runs, or for its answer.
 
         The last proposal is cached, because computing it may take minutes.
 
@@ -228,23 +232,28 @@ class Record:
         Returns
         -------
         Batch or Answer
+            The samples to simulate next, or the answer if no more runs are needed.
 
         Raises
         ------
         InputError
             If the runs do not determine the model of the strategy.
         """
-        # The text of all runs identifies them.
-        key = data.to_csv()
-        if key in self._proposals:
-            return self._proposals[key]
+        # The proposal depends only on the runs, and their text identifies them.
+        text_of_runs = data.to_csv()
+        if self._cached_proposal is not None:
+            text_of_cached_runs, cached_proposal = self._cached_proposal
+            if text_of_cached_runs == text_of_runs:
+                return cached_proposal
         strategy_of_study = strategy(self.study.settings.strategy)
+        # Tell the user what the program does, because it may take long.
         announce("choose the next runs or the answer", data)
+        # An error about the runs names the file of the record.
         with name_file_of_runs(self.file):
             proposal = strategy_of_study.propose(
                 self.study, data.reset_index(drop=True)
             )
-        self._proposals = {key: proposal}
+        self._cached_proposal = (text_of_runs, proposal)
         return proposal
 
     def _missing_runs(self, proposal: Batch | Answer) -> pd.DataFrame:
@@ -264,18 +273,20 @@ class Record:
         Parameters
         ----------
         table : pandas.DataFrame
-            The argument of `Study.tell`. With a column `sample`, these are runs that
-            the strategy asked for. Otherwise they were made before.
+            The argument of `Study.tell`. If it has a column `sample`, its rows must be
+            runs that the strategy asked for. Otherwise they are earlier runs, which
+            were made without a request.
 
         Returns
         -------
         list of str
-            A sentence for each column that is not read (see `new_unread_columns`).
+            Warnings for the user: a sentence for each column that is not read (see
+            `new_unread_columns`).
 
         Raises
         ------
         InputError
-            If the table has faults. The record is not changed then.
+            If the table is invalid. Then no run is added.
         """
         results = _check_table(table, list_columns(self.study))
         # Let other threads and other processes wait until the runs are added. They may
@@ -287,17 +298,19 @@ class Record:
                 runs = self._complete_requested_runs(results)
             else:
                 runs = self._complete_earlier_runs(results)
+            # Without the column `run`, equal values are the only sign that a run is
+            # already in the record. With it, `_add_rows` compares the run numbers.
             if "run" not in results and len(self.data):
                 _reject_repeated_runs(runs, self.data, TABLE_NAME)
             self._add_rows(_format_rows(runs), TABLE_NAME)
             return self.new_unread_columns()
 
     def add_file(self, path: str | os.PathLike) -> Rows:
-        """Add the runs of a CSV file.
+        """Add the runs of another CSV file to the record and to the file of the record.
 
-        The record itself must have a file, too. `_assign_numbers` describes to which
-        turns the runs belong. A run replaces the same run of the record if that has no
-        results, and if no later turn has begun.
+        The record must have a file. `_assign_numbers` decides to which turn (a proposal
+        with its runs) each new run belongs. If the record has the same run without
+        results, the new run replaces it, provided that no later turn has begun.
 
         Parameters
         ----------
@@ -307,26 +320,30 @@ class Record:
         Returns
         -------
         sequence of mapping
-            The rows of the file as text.
+            The rows of the file as text, before the numbers of the samples, runs and
+            turns are added.
 
         Raises
         ------
         InputError
-            If the table has faults. The record is not changed then.
+            If the table is invalid, for example empty. Then no run is added.
         """
         assert self.file is not None
         rows = read_rows(path, self.study)
+        # `enough=False` accepts a table with few samples, because the record may have
+        # more of them. A table without rows is refused.
         runs = checked_runs(self.study, rows, path, enough=False)
         # Add the columns that the file leaves out, such as fixed parameters.
         rows = add_missing_columns(rows, self.study)
         self.file.parent.mkdir(parents=True, exist_ok=True)
         with self._lock, lock_file(self.file):
+            # Other processes may have added runs to the file of the record.
             self.read()
             if "run" not in rows[0] and len(self.data):
                 _reject_repeated_runs(runs, self.data, path)
-            sets = runs[list(self.study.parameters.names)]
-            numbered = self._assign_numbers(rows, sets)
-            self._add_rows(numbered, path)
+            parameter_sets = runs[list(self.study.parameters.names)]
+            numbered_rows = self._assign_numbers(rows, parameter_sets)
+            self._add_rows(numbered_rows, path)
         return rows
 
     def new_unread_columns(self) -> list[str]:
@@ -342,95 +359,100 @@ class Record:
         return new
 
     def _assign_numbers(
-        self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame
+        self, rows: Sequence[Mapping[str, Any]], parameter_sets: pd.DataFrame
     ) -> list[Row]:
-        """Add the numbers of the sample, the run and the turn to each row.
+        """Add the columns `sample`, `run` and `turn` to the rows that lack them.
 
-        A run that the strategy asked for gets the numbers of the request. Any other run
-        gets the next run number of its sample, or starts a new sample. It belongs to
-        the present turn if this has begun, or if one of the rows begins it because the
-        strategy asked for that run. Otherwise it belongs to the turn before.
-
-        Parameters
-        ----------
-        rows : sequence of mapping
-            Runs of any table.
-        sets : pandas.DataFrame
-            The parameters of these rows.
-
-        Returns
-        -------
-        list of dict
-            Copies of the rows with the three numbers.
-        """
-        requested, turn = self._find_requested_runs(list(sets))
-        numbers = self._find_numbers(rows, sets, requested)
-
-        has_begun = turn == self._last_turn
-        begins_now = any(number.was_requested for number in numbers)
-        turn_of_others = turn if has_begun or begins_now else turn - 1
-
-        numbered_rows = []
-        for number, row in zip(numbers, rows, strict=True):
-            turn_of_row = turn if number.was_requested else turn_of_others
-            numbered_rows.append(
-                {
-                    "sample": number.sample,
-                    "run": number.run,
-                    **row,
-                    TURN_COLUMN: str(turn_of_row),
-                }
-            )
-        return numbered_rows
-
-    def _find_numbers(
-        self,
-        rows: Sequence[Mapping[str, Any]],
-        sets: pd.DataFrame,
-        requested: pd.DataFrame,
-    ) -> list[_RunNumber]:
-        """Find the numbers of the sample and the run of each row.
+        A turn is a proposal of the strategy with its runs. A requested run belongs to
+        the turn that asks for runs now. Any other run also belongs to this turn if the
+        turn has a run in the record or among these rows. Otherwise that turn has not
+        begun, so the other runs belong to the one before.
 
         Parameters
         ----------
         rows : sequence of mapping
             Runs of any table, with or without `sample` and `run`.
-        sets : pandas.DataFrame
+        parameter_sets : pandas.DataFrame
+            The parameters of these rows.
+
+        Returns
+        -------
+        list of dict
+            Copies of the rows with the three columns. A row keeps a `sample` and a
+            `run` that it already has, but its turn is replaced.
+        """
+        requested, turn = self._find_requested_runs(list(parameter_sets))
+        labels = self._find_labels(rows, parameter_sets, requested)
+
+        has_begun = turn == self._last_turn
+        begins_now = any(label.was_requested for label in labels)
+        turn_of_others = turn if has_begun or begins_now else turn - 1
+
+        numbered_rows = []
+        for label, row in zip(labels, rows, strict=True):
+            turn_of_row = turn if label.was_requested else turn_of_others
+            numbered_row = {
+                "sample": label.sample,
+                "run": label.run,
+                # The cells of the row replace the two above, but not the turn below.
+                **row,
+                TURN_COLUMN: str(turn_of_row),
+            }
+            numbered_rows.append(numbered_row)
+        return numbered_rows
+
+    def _find_labels(
+        self,
+        rows: Sequence[Mapping[str, Any]],
+        parameter_sets: pd.DataFrame,
+        requested: pd.DataFrame,
+    ) -> list[_RunLabel]:
+        """Find the sample of each row, and the number of its run within the sample.
+
+        A row that matches a requested run has the sample and number of the request. Any
+        other row keeps the ones that it has. Without a sample, it belongs to the sample
+        with the same parameters, or else to a new one. Without a run number, it gets
+        the next free number of its sample.
+
+        Parameters
+        ----------
+        rows : sequence of mapping
+            Runs of any table, with or without `sample` and `run`.
+        parameter_sets : pandas.DataFrame
             The parameters of these rows.
         requested : pandas.DataFrame
             The runs that the strategy asks for, with `sample`, `run` and parameters.
 
         Returns
         -------
-        list of _RunNumber
+        list of _RunLabel
             One for each row.
         """
-        names = list(sets)
+        names = list(parameter_sets)
+        # These four variables change from row to row.
         sample_of_point = self._find_samples(requested, names)
         new_samples = itertools.count(self._find_new_sample(requested))
         used_numbers = {(row["sample"], row["run"]) for row in self._rows}
         unmatched_runs = requested.copy()
-        numbers = []
-        for row, point in zip(rows, _list_points(sets, names), strict=True):
+
+        labels = []
+        points = _list_points(parameter_sets, names)
+        for row, point in zip(rows, points, strict=True):
             index = _find_match(unmatched_runs, row, point, names)
             was_requested = index is not None
             if was_requested:
-                # The row has the numbers of the request. No later row can be the same
-                # run, so remove it from the runs to match.
                 sample = str(unmatched_runs.at[index, "sample"])
                 run = str(unmatched_runs.at[index, "run"])
+                # No later row can be the same run, so remove it from the runs to match.
                 unmatched_runs = unmatched_runs.drop(index=index)
             else:
-                # The row keeps the numbers that it has. Without a sample, it belongs to
-                # the sample with the same parameters. Without a run, it gets the next
-                # free number.
                 if point not in sample_of_point:
                     sample_of_point[point] = next(new_samples)
                 sample = row.get("sample", str(sample_of_point[point]))
                 run = row.get("run", _find_free_run(sample, used_numbers))
-            numbers.append(_RunNumber(sample, run, was_requested))
+            labels.append(_RunLabel(sample, run, was_requested))
             used_numbers.add((sample, run))
-        return numbers
+        return labels
 
     def _find_requested_runs(self, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
         """Return the runs to make and the number of their turn.
@@ -502,7 +524,7 @@ class Record:
     def _replace_rows(
         self, rows: Sequence[Mapping[str, Any]], source: object, write: bool = False
     ) -> None:
-        """Check all runs together, and replace those of the record by them.
+        """Check rows, and make them the whole content of the record.
 
         If the check raises an InputError, the record and its file are not changed.
 
@@ -512,17 +534,21 @@ class Record:
             All runs of the study, as text. A row without `sample` or `run` gets the
             missing number.
         source : object
-            File of the rows, for an error; or `MergedRows`.
+            The file that an error names. If the rows come from two files, `MergedRows`
+            tells which row comes from which file.
         write : bool, optional
             Whether the rows are written to the file.
         """
+        # `enough=False` accepts few samples, because a study begins with none.
         data = checked_runs(self.study, rows, source, enough=False)
-        numbered = _fill_in_numbers(rows, data)
+        numbered_rows = _fill_in_numbers(rows, data)
+        # Write first: if writing fails, the attributes still agree with the file.
         if write and self.file is not None:
-            self._write(self.file, numbered, data, source)
+            self._write(self.file, numbered_rows, data, source)
         self.data = data
-        self._rows = numbered
-        # The turn depends on the rows, so it must be determined again.
+        self._rows = numbered_rows
+        # The turn (a proposal with its runs) depends on the rows, so find it again when
+        # it is next needed.
         self._cached_turn = None
 
     def _write(
@@ -553,7 +579,7 @@ class Record:
     def _require_readable(
         self, table: pd.DataFrame, data: pd.DataFrame, source: object
     ) -> None:
-        """Refuse rows that would be read from a file in another way than they are.
+        """Raise an error if the rows change when they are written to CSV and read again.
 
         Parameters
         ----------
@@ -567,7 +593,7 @@ class Record:
         Raises
         ------
         InputError
-            If the rows cannot be read, or have other runs then.
+            If the written rows cannot be read, or if other runs are read from them.
         """
         with TemporaryDirectory() as folder:
             path = Path(folder) / "runs.csv"
@@ -587,12 +613,12 @@ class Record:
                 value=len(data_of_file),
                 allowed=(
                     f"{len(data)}, and the same ones; a name or sample may begin with "
-                    "#, or a column name has many ;"
+                    "#, or a column name may have many semicolons"
                 ),
             )
 
     def _complete_requested_runs(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Complete a table of results of runs that the strategy asked for.
+        """Add the missing columns to results of runs that the strategy asked for.
 
         Parameters
         ----------
@@ -603,39 +629,40 @@ class Record:
         Returns
         -------
         pandas.DataFrame
-            The same runs with all of these columns and the turn, sorted by sample and
-            run.
+            The same runs with all of these columns and the column `turn`, sorted by
+            sample and run.
 
         Raises
         ------
         InputError
-            If the table has a run that was not asked for, a run twice, or other
-            parameters than those of the request.
+            If a run was not requested or is in the table twice, or if its parameters
+            differ from the requested ones.
         """
         requested = self.requested_runs
         if "run" not in table:
             table = table.assign(run=_number_next_runs(requested, table))
 
-        # Look up each row among the requested runs. Numbers are compared as text.
-        requested_numbers = pd.MultiIndex.from_frame(
+        # Look up each row among the requested runs. A key is a pair of the sample and
+        # the run number, which are compared as text.
+        requested_keys = pd.MultiIndex.from_frame(
             requested[["sample", "run"]].astype(str)
         )
-        numbers = pd.MultiIndex.from_frame(table[["sample", "run"]].astype(str))
-        unknown = sorted(set(numbers) - set(requested_numbers))
-        repeated = sorted(numbers[numbers.duplicated()])
-        faulty = [*unknown, *repeated]
-        if faulty:
+        keys = pd.MultiIndex.from_frame(table[["sample", "run"]].astype(str))
+        unknown = sorted(set(keys) - set(requested_keys))
+        repeated = sorted(keys[keys.duplicated()])
+        invalid = [*unknown, *repeated]
+        if invalid:
             raise InputError(
                 source=TABLE_NAME,
                 key="sample and run",
-                value=list(faulty[0]),
+                value=list(invalid[0]),
                 allowed=(
                     f"one of the {len(requested)} runs that `ask` gave, each once; "
                     "a failed run has NaN as responses; a table of other runs has no "
                     "columns sample and run"
                 ),
             )
-        rows = requested_numbers.get_indexer(numbers)
+        rows = requested_keys.get_indexer(keys)
         runs = requested.iloc[rows].reset_index(drop=True)
 
         self._reject_other_parameters(table, runs)
@@ -643,9 +670,10 @@ class Record:
         return completed.sort_values(["sample", "run"], ignore_index=True)
 
     def _reject_other_parameters(self, table: pd.DataFrame, runs: pd.DataFrame) -> None:
-        """Refuse a table whose parameters differ from the requested ones.
+        """Raise an error if parameters of a table differ from the requested ones.
 
-        Differences that a spreadsheet may cause by rounding are accepted.
+        Differences that a spreadsheet may cause by rounding are accepted. A table need
+        not have the columns of parameters.
 
         Parameters
         ----------
@@ -665,25 +693,28 @@ class Record:
                 continue
             requested = runs[name].to_numpy(float)
             values = _read_numbers(table, name)
-            sizes = _compute_rounding_sizes(space, name, requested)
+            sizes = _compute_reference_sizes(space, name, requested)
             faults = [
                 CellFault(
                     row,
                     column=name,
                     value=value,
-                    allowed=f"{requested_value}, as `ask` gave it, or no such column",
+                    allowed=f"{requested_value}, as `ask` gave it, or a table without "
+                    "this column",
                 )
                 for row, (value, requested_value, size) in enumerate(
                     zip(values.tolist(), requested.tolist(), sizes, strict=True)
                 )
                 if not _is_rounded(value, requested_value, size)
             ]
+            # This raises an error if there are any faults.
             refuse(TABLE_NAME, faults)
 
     def _complete_earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Complete a table of earlier runs, which the strategy did not ask for.
+        """Add the missing columns to earlier runs, which the strategy did not ask for.
 
-        The runs have no numbers yet. Rows with the same parameters form one sample.
+        The table has no columns `sample` and `run` yet. Rows with the same parameters
+        become runs of one sample.
 
         Parameters
         ----------
@@ -694,8 +725,8 @@ class Record:
         Returns
         -------
         pandas.DataFrame
-            The runs with all parameters, the responses, and the numbers of the sample,
-            the run and the turn.
+            The runs with all parameters, the responses, and the columns `sample`, `run`
+            and `turn`.
 
         Raises
         ------
@@ -706,11 +737,16 @@ class Record:
         responses = list_needed_responses(self.study, table.get("status"))
         missing = [name for name in (*space.free, *responses) if name not in table]
         if missing:
+            # The user may have forgotten the column `sample` of requested runs, or some
+            # columns of earlier runs.
             raise InputError(
                 source=TABLE_NAME,
                 key="columns",
                 value=list(table),
-                allowed=f"sample; or also {', '.join(missing)}",
+                allowed=(
+                    "sample, for runs that `ask` gave; or for earlier runs also "
+                    f"{', '.join(missing)}"
+                ),
             )
 
         # A fixed parameter may be left out of the table.
@@ -720,14 +756,18 @@ class Record:
                 columns[name] = _read_numbers(table, name)
             else:
                 columns[name] = space.fixed[name]
-        sets = pd.DataFrame(columns)
+        parameter_sets = pd.DataFrame(columns)
 
-        rows = self._add_responses(sets, table).to_dict("records")
-        numbered = pd.DataFrame(self._assign_numbers(rows, sets))
+        rows = self._add_responses(parameter_sets, table).to_dict("records")
+        numbered = pd.DataFrame(self._assign_numbers(rows, parameter_sets))
+        # All runs of this table belong to the present turn, even those that
+        # `_assign_numbers` counts to the turn before.
         return numbered.assign(**{TURN_COLUMN: self._turn.number})
 
     def _add_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-        """Add the statuses and responses of a table, and the turn, to runs.
+        """Add the statuses and responses of a table, and the column `turn`, to runs.
+
+        The turn is the number of the present proposal of the strategy.
 
         Parameters
         ----------
@@ -745,29 +785,27 @@ class Record:
         Raises
         ------
         InputError
-            If a response is missing or is a text.
+            If a response is missing or is text.
         """
         cells = {str(name): column.tolist() for name, column in table.items()}
-        require_columns(
-            TABLE_NAME, cells, list_needed_responses(self.study, cells.get("status"))
-        )
+        needed_responses = list_needed_responses(self.study, cells.get("status"))
+        require_columns(TABLE_NAME, cells, needed_responses)
+        # Decide which runs failed, and raise an error if a cell is invalid.
         outcomes = judge_runs(cells, self.study.targets.names)
         refuse(TABLE_NAME, outcomes.faults)
-        # The calibration uses no response of a failed run, but the record keeps its
-        # numbers.
+
+        # In `outcomes`, the responses of a failed run are NaN, because the calibration
+        # must not use them. The record still keeps the numbers that the table has.
         empty_column = [None] * len(table)
-        responses = {
-            name: [
+        responses = {}
+        for name, values in outcomes.values.items():
+            table_cells = cells.get(name, empty_column)
+            responses[name] = [
                 value if status == OK else _keep_number(cell)
                 for status, value, cell in zip(
-                    outcomes.statuses,
-                    values,
-                    cells.get(name, empty_column),
-                    strict=True,
+                    outcomes.statuses, values, table_cells, strict=True
                 )
             ]
-            for name, values in outcomes.values.items()
-        }
         # A file cannot store lists and the like, so leave out columns that have them.
         known_names = list_columns(self.study)
         unread = {
@@ -775,6 +813,7 @@ class Record:
             for name, column in cells.items()
             if name not in known_names and all(map(pd.api.types.is_scalar, column))
         }
+        # The columns of the runs come first. `unread` has none of the other names.
         completed = {
             **runs,
             "status": outcomes.statuses,
@@ -844,15 +883,15 @@ def _is_rounded(value: float, requested: float, size: float) -> bool:
     )
 
 
-def _compute_rounding_sizes(
+def _compute_reference_sizes(
     space: ParameterSpace, name: str, values: np.ndarray
 ) -> np.ndarray:
-    """Compute the size with which the rounding error of a parameter is compared.
+    """Compute the size that limits the accepted rounding error of each value.
 
-    `_is_rounded` accepts an error that is a small fraction of this size. For a free
-    parameter, the size is the width of its range, and for a fixed one its value. On a
-    logarithmic scale, the size is the width of the range of the logarithm times the
-    value.
+    `_is_rounded` accepts an error up to a small fraction of this size. The size is the
+    width of the range of a free parameter, or the value itself of a fixed one. On a
+    logarithmic scale, a small step of the logarithm changes the value by step * value.
+    So the size is then the width of the range of the logarithm, times the value.
 
     Parameters
     ----------
@@ -898,7 +937,7 @@ def _number_next_runs(requested: pd.DataFrame, table: pd.DataFrame) -> pd.Series
 def _reject_repeated_runs(
     new: pd.DataFrame, data: pd.DataFrame, source: object
 ) -> None:
-    """Refuse new runs that equal a run of the record in all values.
+    """Raise an error if a new run equals a run of the record in all values.
 
     The new runs have no run numbers. So a row with equal values is taken for the same
     run, which was added before.
@@ -911,8 +950,8 @@ def _reject_repeated_runs(
             raise InputError(
                 source=f"{source}, row {k}",
                 key="row",
-                value="there twice",
-                allowed="a run of its own: the record has all numbers of this row",
+                value="repeated",
+                allowed="a new run: the record has all numbers of this row",
             )
 
 
@@ -930,8 +969,9 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A copy with the column names of the study, whose rows are numbered from 0. Its
-        numbers of samples and runs have no decimal points.
+        A copy with the column names of the study, whose rows are numbered from 0. The
+        numbers of its samples and runs are written as whole numbers, such as 3 instead
+        of 3.0.
 
     Raises
     ------
@@ -945,31 +985,25 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
             value=type(table).__name__,
             allowed="a pandas.DataFrame",
         )
-    repeated_columns = list(map(str, table.columns[table.columns.duplicated()]))
-    if repeated_columns:
-        raise InputError(
-            source=TABLE_NAME,
-            key="column",
-            value=repeated_columns[0],
-            allowed="each column once",
-        )
+    _require_different_columns(table, allowed="each column once")
     if table.empty:
         raise InputError(
             source=TABLE_NAME, key="rows", value=0, allowed="a row for each run"
         )
 
+    # Rename the columns that the study reads, and clean the names of the others. Two
+    # names may then be the same.
     renamed = table.rename(columns=match_column_names(table, names))
     checked = renamed.rename(
         columns=lambda name: name if name in names else _clean_text(name)
     )
-    repeated_columns = list(checked.columns[checked.columns.duplicated()])
-    if repeated_columns:
-        raise InputError(
-            source=TABLE_NAME,
-            key="column",
-            value=repeated_columns[0],
-            allowed="each column once; blanks and control characters do not count",
-        )
+    _require_different_columns(
+        checked,
+        allowed=(
+            "each column once; names that differ only in blanks and control characters "
+            "count as the same"
+        ),
+    )
     for key in NUMBER_COLUMNS:
         if key not in checked:
             continue
@@ -983,6 +1017,18 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
         # Numbers are compared as text, so write 3.0 as 3.
         checked = checked.assign(**{key: strip_decimal_points(checked[key])})
     return checked.reset_index(drop=True)
+
+
+def _require_different_columns(table: pd.DataFrame, allowed: str) -> None:
+    """Raise an error with the text `allowed` if two columns have the same name."""
+    repeated_columns = list(map(str, table.columns[table.columns.duplicated()]))
+    if repeated_columns:
+        raise InputError(
+            source=TABLE_NAME,
+            key="column",
+            value=repeated_columns[0],
+            allowed=allowed,
+        )
 
 
 def _read_numbers(table: pd.DataFrame, name: str) -> np.ndarray:

@@ -120,16 +120,17 @@ class Study:
         user_config["targets"] = _complete_targets(user_config["targets"])
         config = complete_configuration(user_config)
 
-        # Settings with faults never reach this line, so they are never saved. The
-        # defaults are not saved.
+        # `complete_configuration` raises an error for invalid settings, so they are
+        # never saved. Save only the keys of the user, without the defaults.
         if file is not None:
             _save_settings(user_config, runs_csv=file)
         self._set_up(config, file)
         for sentence in describe_wide_ranges(config["parameters"]):
+            # With stacklevel=2, the warning names the user's line that calls `Study`.
             warnings.warn(sentence, stacklevel=2)
 
     def _set_up(self, config: dict[str, Any], file: StrPath | None) -> None:
-        """Set all attributes of a new study.
+        """Set all attributes of a new study; `of` sets them from checked objects.
 
         Parameters
         ----------
@@ -189,8 +190,8 @@ class Study:
         Parameters
         ----------
         content : path or mapping
-            The configuration that docs/own_simulator.md describes: a YAML or JSON file,
-            or its keys and values.
+            The configuration that docs/own_simulator.md describes: the path of a YAML
+            or JSON file, or a mapping with the same keys and values.
         file : path, optional
             CSV file of the runs. Unlike `Study(..., file=...)`, this method does not
             save the settings beside it.
@@ -202,7 +203,7 @@ class Study:
         Raises
         ------
         InputError
-            If the configuration has faults.
+            If the configuration is invalid.
         """
         from repose.calibrate.study_file import complete_configuration
         from repose.common.reading import read_yaml
@@ -210,10 +211,11 @@ class Study:
         if isinstance(content, Mapping):
             config = complete_configuration(content)
         else:
+            # This raises an error that names the argument if it is no path.
             convert_to_path("content", content)
             config = complete_configuration(read_yaml(content), content)
         # `__init__` cannot be used, because it takes separate arguments instead of a
-        # complete configuration.
+        # complete configuration. `_set_up` sets all attributes in its place.
         study = cls.__new__(cls)
         study._set_up(config, file)
         return study
@@ -232,16 +234,19 @@ class Study:
         Parameters
         ----------
         parameters, targets, settings
-            As the attributes of these names.
+            The attributes of the study with these names.
         config : dict
             The configuration from which they come.
         file : path, optional
-            CSV file of the runs. The settings are not saved beside it.
+            CSV file of the runs. Unlike `Study(..., file=...)`, this method does not
+            save the settings beside it.
 
         Returns
         -------
         Study
         """
+        # `__init__` and `_set_up` would make the parameters, targets and settings from
+        # a configuration. So set every attribute that `_set_up` sets here as well.
         study = cls.__new__(cls)
         study.config = config
         study.settings = settings
@@ -372,17 +377,19 @@ class Study:
         Raises
         ------
         InputError
-            If `simulate` does not return a mapping, or returns other parameters. If no
-            run was good so far, also for a response that is missing or no number, a
-            number as status, and a batch of runs that failed only by their status. Any
-            exception of `simulate` is raised as well, once the runs that had started
-            are recorded.
+            If `simulate` returns neither a mapping nor None, or returns parameters that
+            differ from those of the run. As long as no run was good, also in these
+            cases: a response is missing or is not a number, a status is a number, or
+            all runs of a batch have all responses but a status that means failure.
+        Exception
+            Any exception of `simulate`, once the runs that had started are recorded.
 
         Warns
         -----
         UserWarning
-            After good runs, for a response that is missing or no number, and for a
-            number as status. Always for a status that means failure beside responses.
+            If a run has all responses, but a status that means failure. Once a run was
+            good, also if a response is missing or is not a number, or if a status is a
+            number.
         """
         if not callable(simulate):
             raise InputError(
@@ -394,6 +401,7 @@ class Study:
         with _choose_executor(workers) as executor:
             while not self.done:
                 requested_runs = self.ask().to_dict("records")
+                # `_record_result` appends the unknown status of each run of this batch.
                 statuses: list[str] = []
                 record = partial(self._record_result, unknown_statuses=statuses)
                 _simulate_runs(simulate, requested_runs, executor, record)
@@ -403,7 +411,7 @@ class Study:
     def _record_result(
         self, run: Run, result: object, unknown_statuses: list[str]
     ) -> None:
-        """Add a run to the record, and its status to a list.
+        """Add the result of a run to the record, and warn of an unknown status.
 
         Parameters
         ----------
@@ -412,19 +420,22 @@ class Study:
         result : object
             The value that the user's function returned for it.
         unknown_statuses : list of str
-            Gets the result of `find_unknown_status`.
+            The result of `find_unknown_status` is appended to this list: the unknown
+            status of the run, or an empty text if it has none.
 
         Raises
         ------
         InputError
-            If the result is refused. The run is not added then.
+            If the result is invalid. Then the run is not added.
         """
+        # This module loads pandas, so import it only when it is needed.
         from repose.calibrate.strategies.runs import find_unknown_status
 
         cells = self._read_result(result)
         self.tell(self._make_table(run, cells))
         status = find_unknown_status(cells, self.targets.names)
         if status:
+            # The stack is: this method, `_simulate_runs`, `calibrate`, the user's code.
             warnings.warn(
                 f"a run with the status {status!r} counts as failed, although it has "
                 "all responses; a good run has the status ok",
@@ -433,10 +444,10 @@ class Study:
         unknown_statuses.append(status)
 
     def _reject_unknown_statuses(self, statuses: Sequence[str]) -> None:
-        """Refuse a batch whose runs all failed only by their statuses.
+        """Raise an error if all runs of a batch failed only because of their statuses.
 
-        A word for a good run is then probably not among the known ones. If any run was
-        good, the function knows a right word.
+        The user's function then probably uses a word for a good run that is not among
+        the known ones. If any run was good, the function uses a known word.
 
         Parameters
         ----------
@@ -486,13 +497,14 @@ class Study:
         ------
         InputError
             If the result is neither a mapping nor None. Also if it has a mistake, such
-            as a text as response, and no run was good so far.
+            as text in place of a response, and no run was good so far.
 
         Warns
         -----
         UserWarning
             If the result has a mistake, after good runs. The run then counts as failed.
         """
+        # This module loads pandas, so import it only when it is needed.
         from repose.calibrate.strategies.runs import list_columns, make_cells
 
         responses = self.targets.names
@@ -505,8 +517,9 @@ class Study:
                 value=[result],
                 allowed=f"a function that returns a mapping with {', '.join(responses)}",
             ) from None
-        cells, lacking = make_cells(returned, responses, names=list_columns(self))
-        if not lacking:
+        # `missing` is a phrase such as "a number for angle_deg", or empty.
+        cells, missing = make_cells(returned, responses, names=list_columns(self))
+        if not missing:
             return cells
         # A long calibration has to continue after a mistake in one result. But if no
         # result was good so far, the function itself has the mistake.
@@ -516,11 +529,13 @@ class Study:
                 key="simulate",
                 value=[result],
                 allowed=(
-                    f"a function that returns {lacking}, or None for a failed run"
+                    f"a function that returns {missing}, or None for a failed run"
                 ),
             )
+        # The stack is: this method, `_record_result`, `_simulate_runs`, `calibrate`,
+        # the user's code.
         warnings.warn(
-            f"a run without {lacking} failed; simulate gave {shown(returned)}",
+            f"a run without {missing} failed; simulate gave {shown(returned)}",
             stacklevel=5,
         )
         return cells
@@ -608,7 +623,7 @@ def _choose_executor(
     Raises
     ------
     InputError
-        If `workers` is neither an integer from 1 nor an executor.
+        If `workers` is neither a positive integer nor an executor.
     """
     if isinstance(workers, Executor):
         return nullcontext(workers)
@@ -654,6 +669,7 @@ def _simulate_runs(
     """
     if executor is None:
         for run in runs:
+            # Simulate a copy, because the user's function may change its argument.
             record(run, simulate(dict(run)))
     else:
         _simulate_in_parallel(simulate, runs, executor, record)
@@ -665,13 +681,17 @@ def _simulate_in_parallel(
     executor: Executor,
     record: Callable[[Run, Any], None],
 ) -> None:
-    """Simulate runs by an executor; see `_simulate_runs`.
+    """Simulate runs with an executor; see `_simulate_runs`.
 
-    All runs are submitted at once, and recorded in the order in which they end.
+    All runs are submitted at once, and recorded in the order in which they end. After
+    an error no further run starts, but the runs that have already started are still
+    recorded.
     """
+    # Each call gets a copy of its run, because the user's function may change it.
     run_of_future = {executor.submit(simulate, dict(run)): run for run in runs}
     first_error: BaseException | None = None
     try:
+        # This loop also waits for the runs that had started when an error occurred.
         for future in as_completed(run_of_future):
             if future.cancelled():
                 continue
@@ -679,21 +699,20 @@ def _simulate_in_parallel(
             if error is None:
                 try:
                     record(run_of_future[future], future.result())
-                except Exception as refusal:
-                    error = refusal
+                except Exception as record_error:
+                    error = record_error
             if error is not None and first_error is None:
-                # Start no further runs, but wait for those that have already started.
                 first_error = error
-                _cancel(run_of_future)
+                _cancel_waiting_runs(run_of_future)
     finally:
-        # Also cancel the runs that have not started if the user interrupts.
-        _cancel(run_of_future)
+        # If the user interrupts the loop, cancel the waiting runs as well.
+        _cancel_waiting_runs(run_of_future)
     if first_error is not None:
         raise first_error
 
 
-def _cancel(futures: Iterable[Future[Any]]) -> None:
-    """Cancel the runs that have not started."""
+def _cancel_waiting_runs(futures: Iterable[Future[Any]]) -> None:
+    """Cancel the runs that have not started; `Future.cancel` ignores the others."""
     for future in futures:
         future.cancel()
 
@@ -712,7 +731,7 @@ def _limit_threads() -> AbstractContextManager[Any]:
 
 
 def _require_names(key: str, entries: object) -> None:
-    """Refuse parameters or targets that are no mapping from names."""
+    """Raise an error if parameters or targets are no mapping from their names."""
     if not isinstance(entries, Mapping):
         raise InputError(
             source="study",
@@ -722,8 +741,8 @@ def _require_names(key: str, entries: object) -> None:
         )
 
 
-def _complete_target(entry: Any) -> Any:
-    """Convert a target of two or three numbers to the keys of a file.
+def _convert_target_list(entry: Any) -> Any:
+    """Convert a target [value, sd] or [value, sd, repetitions] to a mapping.
 
     Any other entry is returned unchanged.
     """
@@ -738,28 +757,29 @@ def _complete_target(entry: Any) -> Any:
 
 
 def _complete_targets(targets: Mapping[str, Any]) -> dict[str, Any]:
-    """Bring targets into the form that they have in a configuration file.
+    """Convert targets to the form that they have in a configuration file.
 
     Parameters
     ----------
     targets : mapping
-        The targets of the user by name, in plain types.
+        The targets of the user by name, as `_convert_to_plain` returns them.
 
     Returns
     -------
     dict
-        Each list of two or three numbers is replaced by a mapping, and each profile by
-        a target for each of its scores.
+        Each list of two or three numbers becomes a mapping. A profile, which is a
+        measured outline, becomes a target for each of the scores that describe it.
 
     Raises
     ------
     InputError
-        If a target has another form, or a profile has faults.
+        If a target has another form, or a profile is invalid.
     """
     from repose.calibrate.profile_targets import expand_own_profiles
 
-    mappings = {name: _complete_target(entry) for name, entry in targets.items()}
-    for name, entry in mappings.items():
+    entries = {name: _convert_target_list(entry) for name, entry in targets.items()}
+    for name, entry in entries.items():
+        # `_convert_target_list` has not changed an entry with a wrong form.
         if not isinstance(entry, dict):
             raise InputError(
                 source="study",
@@ -768,7 +788,7 @@ def _complete_targets(targets: Mapping[str, Any]) -> dict[str, Any]:
                 allowed="(mean, standard deviation, number of repetitions) as numbers, "
                 "or a mapping with value, sd and repetitions",
             )
-    completed: dict[str, Any] = expand_own_profiles(mappings, "study")
+    completed: dict[str, Any] = expand_own_profiles(entries, "study")
     return completed
 
 
@@ -806,9 +826,9 @@ def _find_settings_file(runs_csv: StrPath) -> Path:
 
 
 def _save_settings(user_config: Mapping[str, Any], runs_csv: StrPath) -> None:
-    """Save the settings beside the file of the runs.
+    """Save the settings beside the file of the runs, if none are saved there yet.
 
-    If settings are already saved there, they are compared instead, and not changed.
+    Settings that are already saved there are not changed. They must be the same.
 
     Parameters
     ----------
@@ -829,7 +849,8 @@ def _save_settings(user_config: Mapping[str, Any], runs_csv: StrPath) -> None:
         write_json(path, user_config)
         return
     saved_settings = read_yaml(path)
-    # Compare the settings in the form that they would have in the file.
+    # Write the settings as JSON and read them again, because this may change values.
+    # Otherwise a value could differ from the saved one only in its form.
     settings = json.loads(format_json(user_config))
     for key in sorted({*saved_settings, *settings}):
         if saved_settings.get(key) != settings.get(key):
@@ -837,15 +858,19 @@ def _save_settings(user_config: Mapping[str, Any], runs_csv: StrPath) -> None:
                 source=path,
                 key=key,
                 value=saved_settings.get(key),
-                allowed=f"{settings.get(key)}, as asked for; or another file",
+                allowed=(
+                    f"{settings.get(key)}, the value of this study; or another file "
+                    "for the runs"
+                ),
             )
 
 
 def _convert_to_plain(value: Any) -> Any:
-    """Convert tuples and NumPy values to the plain types of a file.
+    """Convert tuples and NumPy values to the types that JSON and YAML know.
 
     Mappings and lists are converted with all that they contain.
     """
+    # Arrays and numbers of NumPy have this method, as have columns of pandas.
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):

@@ -148,7 +148,7 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
     study.tell(returned.assign(time=returned["time"].mask(returned["sample"] == 3)))
     assert (study.runs["status"] != "ok").sum() == 2
     input_error(
-        "seed is 1; expected 2, as asked for",
+        "seed is 1; expected 2, the value of this study",
         repose.Study,
         **STUDY | {"seed": 2},
         file=tmp_path / "study.csv",

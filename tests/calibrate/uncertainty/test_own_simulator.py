@@ -427,11 +427,11 @@ BAD = {
     ),
     "a run twice": (
         cell(1, "run", 1),
-        r"row 2: sample and run is \[1, '1'\]; expected each once",
+        r"row 2: sample and run is \[1, '1'\]; expected each pair once",
     ),
     "a row twice": (
         lambda table: pd.concat([table, table[:1]]).drop(columns="run"),
-        "row 33: row is 'there twice'",
+        "row 33: row is 'repeated'",
     ),
 }
 

@@ -282,7 +282,9 @@ def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
     monkeypatch.undo()
     study.tell(results(asked).assign(status=None).drop(columns="run")[::2])
     assert study.runs["status"].tolist() == ["ok"] * 8
-    input_error("there twice", study.tell, results(asked).drop(columns="run")[::2])
+    input_error(
+        "row is .repeated.", study.tell, results(asked).drop(columns="run")[::2]
+    )
     other = make_study()
     other.tell(results(asked).assign(Status="diverged"))
     assert other.runs["status"].tolist() == ["diverged"] * 16
@@ -364,7 +366,7 @@ def test_the_verbs_keep_turns_as_python_does(verbs):
         runs = noisy(asked) if turn else noisy(asked).drop(columns=["sample", "run"])
         tell(runs[:5])
         pd.testing.assert_frame_equal(ask(), asked[5:].reset_index(drop=True))
-        wrong = "each once" if turn else "the record has all numbers of this row"
+        wrong = "each" if turn else "the record has all numbers of this row"
         assert wrong in tell(runs[3:5], status=2)
         tell(runs[5:])
         whole.tell(noisy(asked))
@@ -398,7 +400,7 @@ def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
     )
     before = make_study()
     before.tell(made)
-    input_error("there twice", before.tell, made[3:5])
+    input_error("row is .repeated.", before.tell, made[3:5])
     tell(noisy(asked)[:2])
     tell(made[40:])
     pd.testing.assert_frame_equal(ask(), asked[2:].reset_index(drop=True))

@@ -18,6 +18,7 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import TURN_COLUMN, StrPath
 from repose.common.tables import (
+    CellFault,
     Column,
     Fault,
     convert_columns,
@@ -53,7 +54,9 @@ Rows = Sequence[Mapping[str, Any]]
 Table: TypeAlias = pd.DataFrame | Rows
 # A number as pandas and spreadsheets write it in a column of whole numbers with gaps.
 WHOLE_NUMBER = re.compile(r"\d+\.0")
+# Columns that identify a run by the number of its sample, and its own number within it.
 NUMBER_COLUMNS = ("sample", "run")
+# Checks of these columns if most of their cells are numbers.
 NUMBERS_OF = {
     key: Column(key, words="a finite number, as most cells of this column")
     for key in NUMBER_COLUMNS
@@ -63,6 +66,10 @@ OPTIONAL_COLUMNS = ("status", TURN_COLUMN)
 # The largest size of a response; a larger one counts as infinite.
 MAX_RESPONSE = 1e100
 RESPONSE_WORDS = "a finite number, or for a failed run NaN"
+# Statuses in a message are cut after this number of characters: the list of all
+# statuses, and a single one.
+MAX_STATUSES_LENGTH = 60
+MAX_STATUS_LENGTH = 30
 # Responses are linearly dependent if an eigenvalue of their correlation matrix is at
 # most this large. It would be 0 without rounding errors.
 DEPENDENT_EIGENVALUE = 1e-12
@@ -128,7 +135,9 @@ def find_next_sample(data: pd.DataFrame) -> int:
 
 
 def check_responses(data: pd.DataFrame, targets: Targets) -> None:
-    """Refuse responses to which no model can be fitted.
+    """Raise an error if the responses are constant or depend linearly on each other.
+
+    No model can be fitted to such responses.
 
     Parameters
     ----------
@@ -155,7 +164,9 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
                 ),
             )
 
-    # In very few runs, any responses look dependent.
+    # The correlation matrix of k responses is singular for any k or fewer runs, because
+    # their mean takes one degree of freedom. Require one more run than the k + 1 that
+    # could show a dependence.
     complete = data[names].dropna()
     if len(complete) <= len(names) + 1:
         return
@@ -164,6 +175,7 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
     # matrix is 0, and the components of its eigenvector show which responses these are.
     # The eigenvalues are sorted, the smallest first.
     eigenvalues, eigenvectors = np.linalg.eigh(complete.corr())
+    # With `not ... >` rather than `<=`, NaN also counts as a dependence.
     if not eigenvalues[0] > DEPENDENT_EIGENVALUE:
         dependent = [
             name
@@ -175,7 +187,8 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
             key="targets",
             value=", ".join(dependent),
             allowed=(
-                "responses none of which follows from the others: leave one of them out"
+                "responses that cannot be computed from each other: leave one of them "
+                "out"
             ),
         )
 
@@ -183,10 +196,11 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
 def summarise_samples(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> pd.DataFrame:
-    """Summarise the runs of each sample, as the stage `dataset` does.
+    """Compute the mean responses of each sample and their standard errors.
 
-    A sample is ok if at least half of its runs are good, and at least one of them is.
-    Otherwise its means and standard errors are NaN.
+    A sample is ok if at least half of its runs are good, and at least one. Otherwise it
+    is failed, and its means and standard errors are NaN. The stage `dataset` of the
+    workflow makes a table with the same columns (`repose.calibrate.runs`).
 
     Parameters
     ----------
@@ -194,13 +208,15 @@ def summarise_samples(
         A row for each run: `sample`, parameters and responses. The responses of a
         failed run are NaN.
     space : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study, which name the responses.
 
     Returns
     -------
     pandas.DataFrame
-        `sample`, parameters, `status`, `reason`, `n_seeds` (number of good runs), means
-        and standard errors.
+        `sample`, parameters, `status`, `reason` (always empty here), `n_seeds` (number
+        of good runs), means and standard errors.
     """
     responses = list(targets.names)
     rows = []
@@ -212,7 +228,7 @@ def summarise_samples(
         row = {
             "sample": sample,
             **runs.iloc[0][list(space.names)],
-            "status": OK if is_ok else "failed",
+            "status": OK if is_ok else FAILED,
             "reason": "",
             "n_seeds": n_good,
         }
@@ -227,7 +243,7 @@ def summarise_samples(
 
 
 def split_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """List the runs of each bench test as rows, as the stage `dataset` writes them.
+    """Split each run into a row for each bench test, as in the table of the workflow.
 
     Parameters
     ----------
@@ -238,8 +254,8 @@ def split_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A row for each run and bench test: `sample`, its responses, `apparatus`,
-        `status` and `reason`.
+        A row for each run and bench test: `sample`, its responses, `apparatus` (the
+        name of the bench test), `status` and `reason` (always empty here).
     """
     tables = []
     for bench, columns in targets.benches.items():
@@ -247,7 +263,7 @@ def split_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
         is_complete = data[names].notna().all(axis=1)
         table = data[["sample", *names]].assign(
             apparatus=bench,
-            status=np.where(is_complete, OK, "failed"),
+            status=np.where(is_complete, OK, FAILED),
             reason="",
         )
         tables.append(table)
@@ -312,14 +328,18 @@ def read_rows(path: StrPath, study: Study) -> Rows:
     InputError
         If the file is not a table, or if only some of the rows have a sample or a run.
     """
-    # Accept any cell of a parameter or a response here. A later check refuses bad ones.
+    # Accept any cell of a parameter or a response here. `checked_runs` checks them.
     names = (TURN_COLUMN, *study.parameters.names, *study.targets.names)
     columns = [Column(name, object, needed=False) for name in names]
     status = Column("status", str, needed=False, may_be_empty=True)
     needed_names = ", ".join([*study.parameters.free, *study.targets.names])
     expected = f"a CSV file of runs with the columns {needed_names}"
-    # A record also has other columns of all tables that were added to it. These may mix
-    # numbers and text, and are not read. The numbers of failed runs may be all alike.
+
+    # Only a file that a study wrote has the column of the turns. Such a file also has
+    # the unread columns of all tables that were added to it, which may mix numbers and
+    # text, so these columns are not checked. `read` also rejects a row that looks like
+    # a summary of the rows above it, such as their mean. The failed runs of a record
+    # are left out of this check, because their numbers may be all the same.
     is_record = TURN_COLUMN in read_sheet(path, expected, names).text
     table = read(
         path,
@@ -329,26 +349,47 @@ def read_rows(path: StrPath, study: Study) -> Rows:
         optional=NUMBER_COLUMNS,
         find_unused_rows=_find_failed_rows if is_record else None,
     )
-    # A column of sample or run numbers is optional, but none of its cells may be empty.
     for key in NUMBER_COLUMNS:
-        if key not in table.values:
-            continue
-        cells = strip_decimal_points(table.values[key])
-        allowed = (
-            "a number, as in the other rows; merged cells need it in each row, and a "
-            "row of units or means is no run"
-        )
-        faults = [(k, key, "", allowed) for k, cell in enumerate(cells) if not cell]
-        if holds_numbers(cells):
-            _, no_numbers = convert_columns({key: cells}, [NUMBERS_OF[key]])
-            faults += [fault for fault in no_numbers if cells[fault[0]]]
-        refuse(path, faults)
-        table.values[key] = cells
+        if key in table.values:
+            cells = strip_decimal_points(table.values[key])
+            _check_numbers(key, cells, path)
+            table.values[key] = cells
     return table.rows()
 
 
+def _check_numbers(key: str, cells: Sequence[str], path: StrPath) -> None:
+    """Raise an error for each empty or invalid cell of `sample` or `run`.
+
+    The column is optional, but if a table has it, no cell may be empty. Names of
+    samples may also be text. But if most cells are numbers, all of them must be.
+
+    Parameters
+    ----------
+    key : str
+        Name of the column, one of `NUMBER_COLUMNS`.
+    cells : sequence of str
+        The cells of the column.
+    path : path
+        The file, for the error.
+    """
+    allowed = (
+        "a number, as in the other rows; merged cells need it in each row, and a "
+        "row of units or means is no run"
+    )
+    faults: list[Fault] = [
+        CellFault(row, column=key, value="", allowed=allowed)
+        for row, cell in enumerate(cells)
+        if not cell
+    ]
+    if holds_numbers(cells):
+        _, invalid_numbers = convert_columns({key: cells}, [NUMBERS_OF[key]])
+        # The list above already has the empty cells.
+        faults += [fault for fault in invalid_numbers if cells[fault[0]]]
+    refuse(path, faults)
+
+
 def _holds_no_numbers(cells: Iterable[str]) -> bool:
-    """Tell that a column need not hold numbers, whatever its cells are."""
+    """Return False for any cells, so that no column is taken for a column of numbers."""
     return False
 
 
@@ -375,7 +416,7 @@ def strip_decimal_points(cells: Iterable[Any]) -> list[str]:
 def checked_runs(
     study: Study, rows: Table, source: object = "runs", enough: bool = True
 ) -> pd.DataFrame:
-    """Check a table of runs.
+    """Check a table of runs, and convert its cells to numbers.
 
     The columns ``sample``, ``run``, ``status`` and those of fixed parameters are
     optional. So are the responses if every run failed, as decided by `judge_runs`. Rows
@@ -385,22 +426,25 @@ def checked_runs(
     Parameters
     ----------
     study : Study
+        Its parameters and targets name the columns.
     rows : pandas.DataFrame or sequence of mapping
+        The table, such as the result of `read_rows`.
     source : object, optional
-        File of the table, for an error; or `MergedRows`.
+        The file that an error names. If the rows come from two files, `MergedRows`
+        tells which row comes from which file.
     enough : bool, optional
-        Whether a table with too few good samples is refused.
+        Whether the table must have enough good samples for a model.
 
     Returns
     -------
     pandas.DataFrame
-        ``sample``, ``status``, parameters and responses. The turns are in
-        ``attrs[TURN_COLUMN]``.
+        ``sample``, ``status``, parameters and responses. The turn of each run, which is
+        the number of the proposal that asked for it, is in ``attrs[TURN_COLUMN]``.
 
     Raises
     ------
     InputError
-        If the table has faults; the error lists all of them.
+        If a column is missing or cells are invalid. The error lists all invalid cells.
     """
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
@@ -422,7 +466,7 @@ def checked_runs(
     columns = (*parameters, *responses, *OPTIONAL_COLUMNS)
     cells = {name: [row.get(name) for row in rows] for name in columns}
 
-    # Check all columns before refusing the table, so that one error lists all faults.
+    # Check all columns before raising an error, so that it lists all invalid cells.
     low, high = space.complete(np.array([space.low, space.high]))
     parameter_columns = map(
         _describe_parameter_column, parameters, low.tolist(), high.tolist()
@@ -471,16 +515,16 @@ def name_file_of_runs(file: object) -> Iterator[None]:
 class Outcomes(NamedTuple):
     """Which runs failed, and the responses of the others."""
 
-    statuses: list[str]
+    statuses: list[str]  # of each run; `OK` for a good one
     # Responses by name; NaN in all of them for a run that failed.
     values: dict[str, list[float]]
-    faults: list[Fault]
+    faults: list[Fault]  # invalid cells
 
 
 def judge_runs(
     cells: Mapping[str, Sequence[Any]], responses: Sequence[str]
 ) -> Outcomes:
-    """Decide which runs failed.
+    """Decide which runs failed, and remove their responses.
 
     A run is good if each response is a finite number and its status is good or missing.
     Any other run failed: it stays in the table, but no model is fitted to it. This
@@ -496,22 +540,28 @@ def judge_runs(
     Returns
     -------
     Outcomes
-        Statuses, responses and faults. A text as a response is a fault, and so is a
-        number as a status.
+        Statuses, responses and invalid cells. Text as a response is invalid, and so is
+        a number as a status. No error is raised for them here.
     """
     n_runs = len(next(iter(cells.values())))
     empty_column = [None] * n_runs
 
-    # Read the statuses. A number is a fault, because it may mean success or failure.
+    # Read the statuses; a missing one counts as `OK`. A number is invalid, because it
+    # may mean success or failure.
     statuses = [_read_status(cell) for cell in cells.get("status", empty_column)]
-    faults = [
-        (k, "status", status, "ok, or a word such as failed")
-        for k, status in enumerate(statuses)
+    invalid_statuses = [
+        CellFault(
+            row,
+            column="status",
+            value=status,
+            allowed="ok, or a word such as failed",
+        )
+        for row, status in enumerate(statuses)
         if holds_numbers([status])
     ]
 
-    # Read the responses, but ignore faults in runs whose status reports a failure.
-    failed_rows = {k for k, status in enumerate(statuses) if status != OK}
+    # Read the responses. In a run whose status reports a failure, any cell is valid.
+    failed_rows = {row for row, status in enumerate(statuses) if status != OK}
     numbers = {
         name: [_replace_infinite(cell) for cell in cells.get(name, empty_column)]
         for name in responses
@@ -519,26 +569,26 @@ def judge_runs(
     columns = [
         Column(name, may_be_empty=True, words=RESPONSE_WORDS) for name in responses
     ]
-    values, faults_of_responses = convert_columns(numbers, columns, failed_rows)
+    # The responses in `failed_rows` become NaN.
+    values, invalid_responses = convert_columns(numbers, columns, failed_rows)
 
     # If one response of a run is missing, the run failed. Remove its other responses.
-    for k, responses_of_run in enumerate(zip(*values.values(), strict=True)):
-        if np.isfinite(responses_of_run).all():
-            continue
-        if statuses[k] == OK:
-            statuses[k] = FAILED
+    is_complete = np.isfinite(list(values.values())).all(axis=0)
+    for row in np.flatnonzero(~is_complete):
+        if statuses[row] == OK:
+            statuses[row] = FAILED
         for column in values.values():
-            column[k] = math.nan
-    return Outcomes(statuses, values, [*faults, *faults_of_responses])
+            column[row] = math.nan
+    return Outcomes(statuses, values, [*invalid_statuses, *invalid_responses])
 
 
 def make_cells(
     result: Mapping[Any, Any], responses: Sequence[str], names: Iterable[str] = ()
 ) -> tuple[dict[str, Any], str]:
-    """Convert the result of the user's function for one run to a row of a table.
+    """Convert what the user's function returned for a run to the cells of a table row.
 
-    The row has no faults that `judge_runs` would report. A mistake makes the run a
-    failed one, but raises no error, because a long calibration has to continue.
+    `judge_runs` finds no invalid cell in this row. A mistake in the result makes the
+    run a failed one, but raises no error, because a long calibration has to continue.
 
     Parameters
     ----------
@@ -548,42 +598,45 @@ def make_cells(
         Names of the responses.
     names : iterable of str, optional
         Names of the columns of a table of runs. A key of the result that differs from
-        them only in form is renamed, as a column of a table is.
+        a name only in its spelling (`match_column_names`) is renamed.
 
     Returns
     -------
     cells : dict
         The row by column; a response without a valid number is NaN.
-    lacking : str
-        What the result lacks by mistake, such as ``a number for angle_deg``. It is
-        empty if there is no mistake, or if the function reported the failure itself.
+    missing : str
+        What the result lacks by mistake, as a phrase for a message, such as ``a number
+        for angle_deg``. It is empty if there is no mistake, or if the function reported
+        the failure itself.
     """
-    cells = {str(key): value for key, value in result.items()}
-    new_names = match_column_names(cells, names)
-    cells = {new_names.get(key, key): value for key, value in cells.items()}
-    invalid = []
+    named = {str(key): value for key, value in result.items()}
+    new_names = match_column_names(named, names)
+    cells = {new_names.get(key, key): value for key, value in named.items()}
+    invalid_responses = []
     for name in responses:
         # A value such as NaN or None is not a mistake: it reports that the run failed.
         is_marked_as_missing = name in cells and is_missing(cells[name])
         try:
+            # This raises a KeyError if the response is missing.
             cells[name] = parse_number(cells[name])
         except (KeyError, TypeError, ValueError, OverflowError):
             cells[name] = math.nan
             if not is_marked_as_missing:
-                invalid.append(name)
+                invalid_responses.append(name)
 
-    # `judge_runs` refuses a number as a status, because it may mean success or failure.
-    # Turn it into text, which means failure.
+    # `judge_runs` reports a number as an invalid status, because it may mean success or
+    # failure. Put a word before it: any unknown text means failure.
     status = cells.get("status")
     if not is_missing(status) and holds_numbers([str(status)]):
         cells["status"] = f"status {status}"
+        # This mistake explains the failure, whether or not responses are missing.
         return cells, "a word such as ok as status"
 
     # An empty result or a status of failure reports that the run failed.
     reports_failure = not result or _read_status(status) != OK
-    if reports_failure or not invalid:
+    if reports_failure or not invalid_responses:
         return cells, ""
-    return cells, f"a number for {', '.join(invalid)}"
+    return cells, f"a number for {', '.join(invalid_responses)}"
 
 
 def find_unknown_status(cells: Mapping[str, Any], responses: Sequence[str]) -> str:
@@ -618,7 +671,10 @@ def describe_failures(statuses: Iterable[str]) -> str:
         It begins with the most common status, and is empty if no run failed.
     """
     counts = Counter(status for status in statuses if status != OK)
-    texts = [f"{status:.30}: {n}" for status, n in counts.most_common(MAX_STATUSES)]
+    texts = [
+        f"{status[:MAX_STATUS_LENGTH]}: {n}"
+        for status, n in counts.most_common(MAX_STATUSES)
+    ]
     others = len(counts) - len(texts)
     more = f" and {others} others" if others else ""
     return f"status {', '.join(texts)}{more}" if texts else ""
@@ -672,13 +728,16 @@ def _replace_infinite(cell: Any) -> Any:
 def _require_enough_samples(
     table: pd.DataFrame, space: ParameterSpace, source: object
 ) -> None:
-    """Refuse a table with too few good samples for a model.
+    """Raise an error if a table has too few good samples for a model.
+
+    A sample is good here if at least one of its runs is.
 
     Parameters
     ----------
     table : pandas.DataFrame
         The checked table, with `sample` and `status`.
     space : ParameterSpace
+        The parameters of the study.
     source : object
         File of the table, for the error.
 
@@ -687,20 +746,20 @@ def _require_enough_samples(
     InputError
         If there are fewer than two more samples than free parameters.
     """
-    count = table[table["status"] == OK]["sample"].nunique()
-    fewest = space.dimensions + 2
-    if count >= fewest:
+    n_good = table[table["status"] == OK]["sample"].nunique()
+    minimum = space.dimensions + 2
+    if n_good >= minimum:
         return
-    allowed = f"at least {fewest}, two more than the free parameters"
+    allowed = f"at least {minimum}, two more than the free parameters"
     # Failed runs may be the reason, so name their statuses.
     failures = sorted(set(table["status"]) - {OK})
     if failures:
-        statuses = ", ".join(failures)
-        allowed += f"; runs with the status {statuses:.60} failed"
+        statuses = ", ".join(failures)[:MAX_STATUSES_LENGTH]
+        allowed += f"; runs with the status {statuses} failed"
     raise InputError(
         source=source,
         key="samples with a good run",
-        value=count,
+        value=n_good,
         allowed=allowed,
     )
 
@@ -717,22 +776,23 @@ def _describe_parameter_column(name: str, low: float, high: float) -> Column:
 
 
 def _number_samples(
-    sets: pd.DataFrame, rows: Rows, study: Study, source: object
+    parameter_sets: pd.DataFrame, rows: Rows, study: Study, source: object
 ) -> Sequence[int]:
-    """Find the number of the sample of each row.
+    """Return a sample number for each row.
 
     The column `sample` names the sample of each row. If there is no such column, rows
     with the same parameters form one sample.
 
     Parameters
     ----------
-    sets : pandas.DataFrame
+    parameter_sets : pandas.DataFrame
         The parameters of the rows.
     rows : sequence of mapping
         The rows of the table, as text.
     study : Study
+        Its strategy decides whether several samples may have the same parameters.
     source : object
-        File of the table, for an error.
+        The file of the table, or `MergedRows`, for an error.
 
     Returns
     -------
@@ -742,10 +802,11 @@ def _number_samples(
     Raises
     ------
     InputError
-        If samples and parameter sets contradict each other.
+        If a sample has two parameter sets, or a parameter set has two samples although
+        the strategy does not allow it.
     """
     # Number the different parameter sets from 1, in the order of their first row.
-    points = sets.apply(tuple, axis=1)
+    points = parameter_sets.apply(tuple, axis=1)
     set_numbers: Sequence[int] = pd.factorize(points)[0] + 1
     if "sample" not in rows[0]:
         return set_numbers
@@ -754,12 +815,13 @@ def _number_samples(
     repeats_points = strategy(study.settings.strategy).repeats_points
     _reject_mixed_samples(sample_names, set_numbers, repeats_points, source)
 
-    # Use the names themselves if they are numbers, and different names are different
-    # numbers. Names such as 3 and 003 are not. Otherwise number the samples from 1.
+    # If all names are whole numbers, they become the numbers of the samples. Names such
+    # as 3 and 003 are different names of the same number, so they cannot.
     if all(name.isdecimal() and len(name) <= MAX_DIGITS for name in sample_names):
         numbers = [int(name) for name in sample_names]
         if len(set(numbers)) == len(set(sample_names)):
             return numbers
+    # Otherwise number the different names from 1, in the order of their first row.
     return pd.factorize(pd.Series(sample_names))[0] + 1
 
 
@@ -769,10 +831,10 @@ def _reject_mixed_samples(
     repeats_points: bool,
     source: object,
 ) -> None:
-    """Refuse samples and parameter sets that contradict each other.
+    """Raise an error if the rows of a sample differ in their parameters.
 
-    All rows of a sample must have the same parameter set. All rows with the same
-    parameter set must belong to the same sample, unless the strategy repeats points.
+    Rows with the same parameters must also belong to the same sample, unless the
+    strategy simulates the same point in several samples.
 
     Parameters
     ----------
@@ -781,9 +843,9 @@ def _reject_mixed_samples(
     set_numbers : sequence of int
         The number of the parameter set of each row.
     repeats_points : bool
-        Whether the strategy allows several samples with the same set.
+        Whether the strategy allows several samples with the same parameter set.
     source : object
-        File of the table, for the error.
+        The file of the table, or `MergedRows`, for the error.
 
     Raises
     ------
@@ -791,26 +853,27 @@ def _reject_mixed_samples(
         If there are such rows; the message lists all of them.
     """
     # Index of the first row of each sample and of each parameter set.
-    first_of_sample: dict[str, int] = {}
-    first_of_set: dict[int, int] = {}
+    first_row_of_sample: dict[str, int] = {}
+    first_row_of_set: dict[int, int] = {}
     faults: list[Fault] = []
-    for k, (name, set_number) in enumerate(zip(names, set_numbers, strict=True)):
-        sample_row = first_of_sample.setdefault(name, k)
-        set_row = first_of_set.setdefault(set_number, k)
-        # Compare this row with the first row of its sample and the first row of its
-        # set.
+    for row, (name, set_number) in enumerate(zip(names, set_numbers, strict=True)):
+        # Compare this row with the first row of the same sample, and with the first row
+        # of the same parameter set.
+        sample_row = first_row_of_sample.setdefault(name, row)
+        set_row = first_row_of_set.setdefault(set_number, row)
         if set_numbers[sample_row] != set_number:
-            expected = (
+            allowed = (
                 "one set of parameters for each sample; "
-                f"{_name_row(source, sample_row)} has another one"
+                f"{_name_row(source, sample_row)} has a different one"
             )
-            faults.append((k, "sample", name, expected))
         elif names[set_row] != name and not repeats_points:
-            expected = (
+            allowed = (
                 f"{names[set_row]}, the sample of {_name_row(source, set_row)} with "
                 "the same parameters"
             )
-            faults.append((k, "sample", name, expected))
+        else:
+            continue
+        faults.append(CellFault(row, column="sample", value=name, allowed=allowed))
     _reject_rows(source, faults)
 
 
@@ -825,21 +888,36 @@ def _name_row(source: object, row: int) -> str:
 
 
 def _reject_rows(source: object, faults: Iterable[Fault]) -> None:
-    """Raise faults as `refuse` does, each with the row of its own file."""
+    """Raise an InputError for invalid cells of a table, if there are any.
+
+    For a table with the rows of two files, an error names the file of the cell, and the
+    number of its row in this file. If the record has invalid cells, only these are
+    reported, because they have to be corrected first.
+
+    Parameters
+    ----------
+    source : object
+        The file of the table, or `MergedRows`.
+    faults : iterable of Fault
+        The invalid cells. Their rows are counted from 0 over the whole table.
+    """
     if not isinstance(source, MergedRows):
         refuse(source, faults)
         return
-    n = len(source.recorded_rows)
-    of_record = []
-    of_added = []
+    n_recorded = len(source.recorded_rows)
+    recorded_faults = []
+    added_faults = []
     for row, column, value, allowed in faults:
-        if row < n:
-            number = source.recorded_rows[row]
-            of_record.append((number - 1, column, value, allowed))
+        if row < n_recorded:
+            # `recorded_rows` counts from 1, but a fault counts from 0.
+            row_of_record = source.recorded_rows[row] - 1
+            recorded_faults.append(CellFault(row_of_record, column, value, allowed))
         else:
-            of_added.append((row - n, column, value, allowed))
-    refuse(source.record, of_record)
-    refuse(source.added, of_added)
+            row_of_added = row - n_recorded
+            added_faults.append(CellFault(row_of_added, column, value, allowed))
+    # `refuse` raises an error, unless its list is empty.
+    refuse(source.record, recorded_faults)
+    refuse(source.added, added_faults)
 
 
 def add_missing_columns(rows: Rows, study: Study) -> list[dict[str, Any]]:
@@ -852,7 +930,7 @@ def add_missing_columns(rows: Rows, study: Study) -> list[dict[str, Any]]:
 
 
 def _reject_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> None:
-    """Refuse a table that contains the same run twice.
+    """Raise an error if a table contains the same run twice.
 
     If the table has a column `run`, the sample and the run number identify a run. Two
     runs may then have equal results, for example if the simulator has no random
@@ -866,43 +944,61 @@ def _reject_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
     rows : sequence of mapping
         The same rows as text, which may have `run`.
     source : object
-        File of the table, for the error.
+        The file of the table, or `MergedRows`, for the error.
 
     Raises
     ------
     InputError
         If there are such rows; the message lists all of them.
     """
-    has_run_numbers = "run" in rows[0]
-    keys: dict[int, tuple[Any, ...]]  # by index of the row
-    # Collect what identifies the run of each row. A failed run without a number cannot
-    # be identified, because it has no responses.
-    if has_run_numbers:
-        run_numbers = [str(row["run"]).strip() for row in rows]
-        keys = dict(enumerate(zip(table["sample"], run_numbers, strict=True)))
-    else:
-        all_values = enumerate(table.itertuples(index=False, name=None))
-        is_good = (table["status"] == OK).tolist()
-        keys = {k: values for k, values in all_values if is_good[k]}
-
-    first_row: dict[tuple[Any, ...], int] = {}
     faults: list[Fault] = []
-    for k, key in keys.items():
-        first = first_row.setdefault(key, k)
-        if first == k:
-            continue
-        if has_run_numbers:
-            allowed = f"each once; {_name_row(source, first)} has them, too"
+    if "run" in rows[0]:
+        run_numbers = [str(row["run"]).strip() for row in rows]
+        pairs = zip(table["sample"], run_numbers, strict=True)
+        for row, first_row, pair in _find_repetitions(enumerate(pairs)):
+            allowed = f"each pair once; {_name_row(source, first_row)} has the same"
             if isinstance(source, MergedRows):
                 allowed += (
-                    ": leave out a row that was told before, or give a further run "
+                    ": leave out a row that was already added, or give a further run "
                     "another number"
                 )
-            faults.append((k, "sample and run", list(key), allowed))
-        else:
-            allowed = (
-                "a run of its own, or a column `run`: all numbers of this row stand "
-                f"in {_name_row(source, first)}"
+            faults.append(
+                CellFault(
+                    row, column="sample and run", value=list(pair), allowed=allowed
+                )
             )
-            faults.append((k, "row", "there twice", allowed))
+    else:
+        # Compare only good runs. A failed run has no responses that identify it.
+        good_rows = np.flatnonzero(table["status"] == OK).tolist()
+        values = table.iloc[good_rows].itertuples(index=False, name=None)
+        numbered_values = zip(good_rows, values, strict=True)
+        for row, first_row, _ in _find_repetitions(numbered_values):
+            allowed = (
+                "a different run, or a column `run`: "
+                f"{_name_row(source, first_row)} has all numbers of this row"
+            )
+            faults.append(
+                CellFault(row, column="row", value="repeated", allowed=allowed)
+            )
     _reject_rows(source, faults)
+
+
+def _find_repetitions(
+    numbered: Iterable[tuple[int, tuple[Any, ...]]],
+) -> Iterator[tuple[int, int, tuple[Any, ...]]]:
+    """Find the rows whose values an earlier row has, too.
+
+    `numbered` has the index of each row, and the values to compare.
+
+    Yields
+    ------
+    row, first_row : int
+        Index of such a row, and of the first row with the same values.
+    values : tuple
+        The values of both rows.
+    """
+    first_rows: dict[tuple[Any, ...], int] = {}
+    for row, values in numbered:
+        first_row = first_rows.setdefault(values, row)
+        if first_row != row:
+            yield row, first_row, values
