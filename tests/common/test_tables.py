@@ -607,7 +607,10 @@ def test_a_number_that_is_repeated_is_refused_with_both_rows(tmp_path):
             "published",
             "row 3: solution is '1'; expected each solution once; row 1 has it",
         ),
-        ("runs", "row 3: sample and run is [1, '1']; expected each once; row 1 has"),
+        (
+            "runs",
+            "row 3: sample and run is [1, '1']; expected each pair once; row 1 has",
+        ),
     ):
         rows = cells(READERS[reader][0])
         rows[3] = [rows[1][0], *rows[3][1:]] if reader != "runs" else rows[1]

@@ -14,8 +14,8 @@ from repose.common.statuses import describe_failure
 if TYPE_CHECKING:
     import pandas as pd
 
-# Key of a run whose bodies overlap deeply: the largest overlap, as a fraction of a
-# grain.
+# Key of a run whose grains overlap deeply: the largest overlap, as a fraction of the
+# smallest extent of the grain.
 OVERLAP_SHARE = "overlap_share"
 
 
@@ -29,14 +29,14 @@ def name_error_column(column: str) -> str:
 
 @dataclass(frozen=True)
 class Recorded:
-    """Names of the columns that the runs of a bench test record.
+    """Names of the columns with the recorded results of a bench test.
 
     Attributes
     ----------
     means : tuple of str
         Quantities that are averaged over the runs of a sample.
     without_error : tuple of str
-        Those of `means` without a column for the standard error.
+        The quantities of `means` that have no column for the standard error.
     single : tuple of str
         Columns of the table of single runs.
     """
@@ -79,11 +79,10 @@ def select_bench_runs(runs: "pd.DataFrame", apparatus: str) -> "pd.DataFrame":
 def summarise_runs(
     runs: Sequence[Mapping[str, Any]], recorded: Recorded
 ) -> dict[str, Any]:
-    """Summarise the runs of a sample.
+    """Compute the status and the mean responses of a sample from its runs.
 
-    A sample is ok if at least half of its runs are ok, and at least one of them is.
-    Otherwise it gets the most common status of its failed runs, and its means and
-    standard errors are None.
+    A sample is ok if at least half of its runs are ok. Otherwise it gets the most
+    common status of its failed runs, and its means and standard errors are None.
 
     Parameters
     ----------
@@ -95,7 +94,7 @@ def summarise_runs(
     Returns
     -------
     dict
-        `status`, `reason` (why runs failed, and how deeply bodies overlap), `n_seeds`
+        `status`, `reason` (why runs failed, and how deeply grains overlap), `n_seeds`
         (number of ok runs), and the mean and the standard error of each response.
 
     Raises
@@ -113,7 +112,8 @@ def summarise_runs(
     summary: dict[str, Any] = dict.fromkeys(recorded.summary)
     summary["reason"] = "; ".join(filter(None, remarks))
     summary["n_seeds"] = len(ok)
-    is_usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
+    # There is at least one run, so half of them is more than none.
+    is_usable = 2 * len(ok) >= len(runs)
     if is_usable:
         summary["status"] = "ok"
         summary |= _average_responses(ok, recorded)
@@ -128,7 +128,8 @@ def _average_responses(
 ) -> dict[str, float | None]:
     """Compute the mean of each response over runs, and its standard error.
 
-    A run without a number for a response is left out of its mean.
+    A run without a number for a response is left out of its mean. The quantities of
+    `recorded.without_error` get a mean, but no standard error.
     """
     averages: dict[str, float | None] = {}
     for name in recorded.means:
@@ -218,8 +219,8 @@ def describe_run(run: Mapping[str, Any], template: str) -> str:
     try:
         responses = template.format(**run)
     except (KeyError, TypeError):
-        # The template names a response that was not measured, because it is not a
-        # target.
+        # Only targets are measured, so the run may lack a response of the template, or
+        # have None in its place. Then report just that the run is ok.
         responses = "ok"
     return f"seed {run['seed']}: {responses}{warning}"
 

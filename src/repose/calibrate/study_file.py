@@ -103,22 +103,23 @@ class OwnTarget(Section):
     profile: ProfileSection = ABSENT
 
     def contradictions(self) -> Contradictions:
-        """Find numbers of the target that are impossible or contradict each other.
+        """Yield the keys whose numbers are impossible or contradict each other.
 
-        Neither value nor aim may be 0 or outside the range, and the noise must not be
-        tiny.
+        Neither `value`, the measured mean, nor `aim`, the number that the calibration
+        should reach instead, may be 0 or outside the range. The noise must not be tiny.
 
         Yields
         ------
         pair of str
             The key of the number, and what is allowed.
         """
+        # A score of a profile may be 0, because `Profile.whole` is its 100 %.
         if self.value == 0 and self.profile is None:
             yield "value", "not 0: tolerances are in percent of it"
         if self.range is not None:
             low, high = self.range
             if not low <= self.value <= high or low == high:
-                yield "range", f"a pair [low, high] about the value, {self.value:g}"
+                yield "range", f"a pair [low, high] that contains {self.value:g}"
         if self.aim is not None:
             # The default range follows from the scatter of the repetitions.
             default_range = compute_target_range(self.value, self.sd, self.repetitions)
@@ -222,19 +223,23 @@ class StudyFile(Section):
         Parameters, responses and standard errors are columns of one table, so their
         names must differ. The suffix _se marks the standard error of a response.
         """
-        # `info` lacks the parameters if they have faults themselves.
+        # pydantic has already validated the parameters, which come first in the model.
+        # If they are invalid, `info.data` does not have them.
         parameters = info.data.get("parameters", {})
-        # The name of a response must differ from all parameters and standard errors.
-        columns = {*parameters, *(f"{name}_se" for name in targets)}
-        faults = list(_find_bad_columns(targets))
+        # A response must not have the name of a parameter or of a standard error, and
+        # its own standard error must not have the name of a parameter.
+        standard_errors = {f"{name}_se" for name in targets}
+        invalid_names = list(_find_bad_columns(targets))
         for name in targets:
-            if name in columns or f"{name}_se" in parameters:
+            is_taken = name in parameters or name in standard_errors
+            if is_taken or f"{name}_se" in parameters:
                 allowed = (
                     "a name that differs from all parameters, and from all other names "
                     "with _se appended"
                 )
-                faults.append((name, allowed))
-        refuse(faults)
+                invalid_names.append((name, allowed))
+        # `refuse` raises an error, unless its list is empty.
+        refuse(invalid_names)
         if not targets:
             refuse([("", "at least one response")])
         return targets
@@ -287,7 +292,7 @@ def complete_configuration(
     source: object = "study",
     model: type[StudyFile] | None = None,
 ) -> dict[str, Any]:
-    """Check a configuration, and fill in the missing keys.
+    """Add the missing keys to a configuration, and check it.
 
     Parameters
     ----------
@@ -303,33 +308,36 @@ def complete_configuration(
     Returns
     -------
     dict
-        The configuration with all sections, including those of other strategies.
-        Missing keys of `sequential` and `posterior` get the defaults of their models,
-        those of other sections the values of config/method.yaml.
+        The configuration with all sections, including those of other strategies. The
+        defaults are those of `_choose_section_defaults`.
 
     Raises
     ------
     InputError
-        If there are faults; the error lists all of them.
+        If the configuration is invalid; the error lists all invalid keys.
     """
     model = model or make_configuration_model()
     origin = source if isinstance(source, Origin) else str(source)
+    # Add the defaults first, because the model has no defaults for most keys.
     config = _add_defaults(content, origin, model)
     config = faults.convert_whole_numbers(config, model)
+    # This raises an error if there are any invalid keys.
     raise_together(faults.find_faults(config, origin, model).faults)
 
     # Each section with random numbers has the seed of the study.
     for name in SEEDED_SECTIONS:
         config[name] = config[name] | {"seed": config["seed"]}
+    # The best split of the samples depends on the surrogate.
     network = config["network"]
     if network.get("split", AUTO) == AUTO:
         config["network"] = network | {"split": choose_split(config["surrogate"])}
+    # This check needs the complete configuration.
     _check_strategy(config, origin)
     return config
 
 
 def _check_strategy(config: Mapping[str, Any], source: str | Origin) -> None:
-    """Check that the strategy can run with the rest of the configuration.
+    """Raise an error if the strategy cannot run with the rest of the configuration.
 
     Parameters
     ----------
@@ -341,8 +349,8 @@ def _check_strategy(config: Mapping[str, Any], source: str | Origin) -> None:
     Raises
     ------
     InputError
-        If the strategy does not obey constraints, or if its section contradicts the
-        number of parameters or targets.
+        If there are constraints between parameters, which the strategy does not obey.
+        Or if its section does not fit the number of parameters or targets.
     """
     from repose.calibrate.strategies import cost
 
@@ -352,15 +360,18 @@ def _check_strategy(config: Mapping[str, Any], source: str | Origin) -> None:
             source=find_file_to_edit(source, "strategy"),
             key="strategy",
             value=name,
+            # The names of the strategies that obey constraints.
             allowed=obeying_strategies(),
         )
-    # The general rules of `sequential` do not hold here: with the user's own simulator,
-    # the key `noise_sd` may replace repeated runs. `StudyFile` checks the budget.
+    # `Sequential.contradictions` requires repeated runs, and a start within the budget.
+    # With the user's own simulator, the key `noise_sd` may replace repeated runs.
+    # `StudyFile._check_budget` has already checked the start.
     if name == "sequential":
         return
+    section = make_settings(config).of_strategy(name)
     contradictions = cost.find_contradictions(
         name,
-        make_settings(config).of_strategy(name),
+        section,
         free=count_free(config["parameters"]),
         responses=len(config["targets"]),
     )
@@ -378,7 +389,10 @@ def _check_strategy(config: Mapping[str, Any], source: str | Origin) -> None:
 def _add_defaults(
     content: Mapping[str, Any], source: str | Origin, model: type[StudyFile]
 ) -> dict[str, Any]:
-    """Add the defaults to the keys of the user, without checking these keys.
+    """Add the defaults to the keys of the user.
+
+    `complete_configuration` checks the result. This function checks only the names of
+    parameters and targets, and profiles, because the later check needs valid ones.
 
     Parameters
     ----------
@@ -397,43 +411,50 @@ def _add_defaults(
     Raises
     ------
     InputError
-        If a name of a parameter or target is not text, or a profile has faults.
+        If a name of a parameter or target is not text, or a profile is invalid.
     """
     method: dict[str, Any] = read_yaml(places.find_file(places.METHOD_CONFIG))
-    seeds = _find_runs_of_a_sample(content, otherwise=method["sequential"]["seeds"])
+    runs_per_sample = _find_runs_per_sample(
+        content, otherwise=method["sequential"]["seeds"]
+    )
+    # The keys of the user replace these defaults of keys outside of sections.
     config: dict[str, Any] = {
         "strategy": "sequential",
-        "seeds": seeds,
+        "seeds": runs_per_sample,
         "surrogate": "gaussian_process",
         **content,
     }
     _reject_unusable_names(config, source)
+    # Replace each profile, which is a measured outline, by targets for its scores.
     config["targets"] = expand_own_profiles(
         config.get("targets"), find_file_to_edit(source, "targets")
     )
 
-    # Add the defaults section by section.
-    section_defaults = _choose_section_defaults(method, seeds)
+    # Add the defaults of each section. The keys of the user replace them.
+    section_defaults = _choose_section_defaults(method, runs_per_sample)
     for name in model.model_fields:
         if not isinstance(section_defaults.get(name), Mapping):
             continue
         section = config.get(name, {})
-        # A value that is not a section remains unchanged. A later check refuses it.
+        # A value that is not a section remains unchanged, so that
+        # `complete_configuration` can name it in an error.
         if isinstance(section, Mapping):
             section = {**section_defaults[name], **section}
         config[name] = section
     return config
 
 
-def _choose_section_defaults(method: Mapping[str, Any], seeds: int) -> dict[str, Any]:
-    """Choose the defaults of all sections of a study with the user's own simulator.
+def _choose_section_defaults(
+    method: Mapping[str, Any], runs_per_sample: int
+) -> dict[str, Any]:
+    """Return the defaults of all sections of a study with the user's own simulator.
 
     Parameters
     ----------
     method : mapping
         The content of config/method.yaml. Its sections are the defaults, except for
         `sequential` and `posterior`, which have fewer keys here.
-    seeds : int
+    runs_per_sample : int
         Number of runs of a sample.
 
     Returns
@@ -445,7 +466,7 @@ def _choose_section_defaults(method: Mapping[str, Any], seeds: int) -> dict[str,
     posterior = method["posterior"]
     own_sequential = {
         "start_samples": sequential["start_samples"],
-        "seeds": seeds,
+        "seeds": runs_per_sample,
         "batch": sequential["batch"],
         "tolerance_percent": sequential["tolerance_percent"],
         "probability": sequential["probability"],
@@ -461,8 +482,8 @@ def _choose_section_defaults(method: Mapping[str, Any], seeds: int) -> dict[str,
     return {**method, "sequential": own_sequential, "posterior": own_posterior}
 
 
-def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
-    """Return the number of runs of a sample that the user set.
+def _find_runs_per_sample(content: Mapping[str, Any], otherwise: int) -> int:
+    """Return the number of runs per sample that the user set.
 
     It is the value of the key `seeds`, or else of `sequential.seeds`. If neither is a
     whole number, it is `otherwise`.
@@ -475,7 +496,7 @@ def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
 
 
 def _reject_unusable_names(config: Mapping[str, Any], source: str | Origin) -> None:
-    """Refuse names of parameters and targets that cannot be columns of a table.
+    """Raise an error for parameters and targets whose names cannot be column names.
 
     Parameters
     ----------
@@ -528,10 +549,12 @@ def choose_split(surrogate: str) -> list[float]:
 def make_settings(config: Mapping[str, Any]) -> CalibrationSettings:
     """Convert the sections of a complete configuration to typed settings.
 
+    A new key of `OwnSequential` or `OwnPosterior` must be added here, too.
+
     Parameters
     ----------
     config : mapping
-        Result of `complete_configuration`.
+        Result of `complete_configuration`, which has checked all keys.
 
     Returns
     -------
@@ -546,18 +569,22 @@ def make_settings(config: Mapping[str, Any]) -> CalibrationSettings:
         model = strategy(name).settings
         if model is not None and name not in StudyFile.model_fields:
             others[name] = model.model_validate(config[name])
-    # `complete_configuration` has already checked `sequential` and `posterior`. The two
-    # models below have other bounds than this module, so construct them without checks.
+    # The settings of the two sections below belong to the pipeline, so their bounds are
+    # tighter than those of `OwnSequential` and `OwnPosterior`. `model_construct` does
+    # not check any bounds. It does not check the names of the fields either.
     own_sequential = SequentialSettings.model_construct(
         start_samples=sequential["start_samples"],
         seeds=sequential["seeds"],
         batch=sequential["batch"],
         tolerance_percent=sequential["tolerance_percent"],
         probability=sequential["probability"],
+        # In the pipeline a run is a pour.
         most_pours=sequential["most_runs"],
+        # The answer is simulated as often as any other sample.
         checks=sequential["seeds"],
     )
     own_posterior = PosteriorSettings.model_construct(
+        # The keys that are only in the pipeline have their neutral values.
         shape_study=None,
         discrepancy_percent=posterior["discrepancy_percent"],
         discrepancy_correlation=posterior["discrepancy_correlation"],
@@ -644,8 +671,9 @@ def list_unread_keys(content: Mapping[str, Any]) -> list[str]:
     list of str
         Keys such as `seeds` or `sequential.batch`, sorted.
     """
+    # `_add_defaults` has the same default.
     strategy_name = content.get("strategy", "sequential")
-    keys_read = _find_keys_read(strategy_name, content)
+    read_keys = _find_read_keys(strategy_name, content)
 
     # Collect the keys that a strategy may ignore.
     optional_keys = [key for key in OPTIONAL_KEYS if key in content]
@@ -655,18 +683,21 @@ def list_unread_keys(content: Mapping[str, Any]) -> list[str]:
 
     unread = []
     for key in optional_keys:
-        # A section among `keys_read` stands for all of its keys.
+        # `read_keys` may have the key itself, or the section with all of its keys.
         section = key.partition(".")[0]
-        is_read = key in keys_read or section in keys_read
-        # The seed of the study replaces the seed of each section.
+        is_read = key in read_keys or section in read_keys
+        # `complete_configuration` replaces the seed of each section.
         is_replaced = key.endswith(".seed")
         if is_replaced or not is_read:
             unread.append(key)
     return sorted(unread)
 
 
-def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
-    """Find the keys that a strategy and the analysis of its answer read.
+def _find_read_keys(name: str, content: Mapping[str, Any]) -> set[str]:
+    """Find the keys of a configuration that have an effect with a strategy.
+
+    These are the keys that the strategy reads, and the keys for the analysis of its
+    answer.
 
     Parameters
     ----------
@@ -678,26 +709,28 @@ def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     Returns
     -------
     set of str
-        Keys such as `seeds` and `sequential.seeds`. The name of a section stands for
-        all of its keys.
+        Keys such as `seeds` and `sequential.seeds`. If the name of a section is among
+        them, all keys of this section are read.
     """
     strategy_of_study = strategy(name)
+    has_design = strategy_of_study.begins_with_design
     keys = set(COMMON_KEYS)
-    if strategy_of_study.begins_with_design:
+    if has_design:
         keys.update(DESIGN_KEYS)
     if strategy_of_study.seeds_key is not None:
-        # The strategy has its own key for the number of runs of a sample.
+        # This strategy has its own key for the number of runs of a sample, so remove
+        # the one of `DESIGN_KEYS`.
         keys.discard("seeds")
-    # Add the keys that the strategy declares as read.
     if strategy_of_study.reads:
         keys.update(strategy_of_study.reads)
-    elif not strategy_of_study.begins_with_design:
-        # A strategy that does not declare what it reads may read everything.
+    elif not has_design:
+        # For this strategy it is unknown which keys it reads, so regard all as read.
         keys.update(content)
 
-    # Only a network reads the section of this name.
+    # Only surrogates whose names begin with "network" read the whole section `network`.
+    # For the others, the `TRAINING_KEYS` of this section remain.
     is_network = content.get("surrogate", "").startswith("network")
-    if strategy_of_study.begins_with_design and not is_network:
+    if has_design and not is_network:
         keys.discard("network")
 
     # Two keys set the number of runs of a sample, but only one of them is read.

@@ -448,7 +448,7 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
             lambda: make_study().calibrate(
                 lambda row: {"y": row["a"], "z": 2 * row["a"]}
             ),
-            "targets is 'y, z'; .* none of",
+            "targets is 'y, z'; .* cannot be computed from each other",
         ),
         (lambda: Study({"y_se": (0, 1)}, {"y": (1.0, 0.1)}), "with _se appended"),
         (
