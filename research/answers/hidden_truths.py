@@ -81,7 +81,8 @@ def sequential(simulator, goal, config, random, most_pours):
             return
         new = simulator.pour(advice.batch, section.seeds, random)
         data = ObservedSamples(
-            np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values])
+            np.vstack([data.unit_points, new.unit_points]),
+            np.concatenate([data.values, new.values]),
         )
 
 

@@ -76,7 +76,7 @@ def campaign(simulator, names, aim, mean, section, space, random):
         lhsdesign(section.start_samples, space.dimensions, rng=random), 2, random
     )
     while True:
-        pours = 2 * len(data.unit)
+        pours = 2 * len(data.unit_points)
         advice = advise(data, goal, section, pours, random, None)
         answer_loss = goal.compute_deviations(simulator.mean(advice.answer[None]))[1][0]
         yield pours, advice.reach.probability, advice.stop, answer_loss, least
@@ -84,7 +84,8 @@ def campaign(simulator, names, aim, mean, section, space, random):
             return
         new = simulator.pour(advice.batch, 2, random)
         data = ObservedSamples(
-            np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values])
+            np.vstack([data.unit_points, new.unit_points]),
+            np.concatenate([data.values, new.values]),
         )
 
 

@@ -315,7 +315,7 @@ def calibrate(
     noise = estimate_noise(study, observed)
     model = answer.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _average_samples(study, runs)
-    support = Support.from_space(space.values(observed.unit), space)
+    support = Support.from_space(space.values(observed.unit_points), space)
 
     # Draw from the posterior. The correlation of the responses can only be estimated
     # from replicates. Without replicates it has no degrees of freedom.

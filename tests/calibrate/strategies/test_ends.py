@@ -51,7 +51,7 @@ def test_the_reason_is_out_of_reach_only_with_a_run_there(
         section,
         probability=0.0,
         reachable=0.0,
-        attainable=UNREACHABLE_PROBABILITY / 2,
+        reach_probability=UNREACHABLE_PROBABILITY / 2,
         n_samples=n_samples,
         is_past_start=True,
         is_end_simulated=is_end_simulated,

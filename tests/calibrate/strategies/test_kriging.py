@@ -60,7 +60,7 @@ def test_errors_are_those_of_one_process_of_all_responses():
     points = np.random.default_rng(2).random((5, 2))
     slow = [
         one_process(model, observed, points, [process.kernel for process in processes])
-        for processes in model.sets
+        for processes in model.process_sets
     ]
     means = np.array([mean for mean, _ in slow])
     covariances = np.array([covariance for _, covariance in slow])
@@ -78,24 +78,31 @@ def test_errors_of_a_sample_are_those_of_processes_without_it():
     model = Kriging(poured(n=12))
     residuals, variances, others = model._predict_left_out()
     # values and errors of each combination of the responses
-    columns = np.array([model.values.T, model.errors.T]).transpose(1, 0, 2)
+    columns = np.array([model.values.T, model.noise_variances.T]).transpose(1, 0, 2)
     for i in range(12):
         rest = np.arange(12) != i
         moments = []
-        for processes in model.sets:
+        for processes in model.process_sets:
             without_i = [
                 Process(
-                    process.kernel, model.unit[rest], *column[:, rest], optimizer=None
+                    process.kernel,
+                    model.centred_points[rest],
+                    *column[:, rest],
+                    optimizer=None,
                 )
                 for process, column in zip(processes, columns, strict=True)
             ]
-            moments.append([p.moments(model.unit[i : i + 1]) for p in without_i])
+            moments.append(
+                [p.moments(model.centred_points[i : i + 1]) for p in without_i]
+            )
         moments = np.array(moments)
         means, spreads = moments[..., 0].transpose(2, 0, 1)
         expected = model.values[i] - means.mean(axis=0)
         assert residuals[i] == pytest.approx(expected, rel=1e-6)
         assert variances[i] == pytest.approx(spreads.mean(axis=0), rel=1e-6)
-        assert others[i] == pytest.approx(means.var(axis=0) + model.errors[i], rel=1e-6)
+        assert others[i] == pytest.approx(
+            means.var(axis=0) + model.noise_variances[i], rel=1e-6
+        )
 
 
 def one_process(model, observed, points, kernels):
@@ -103,7 +110,7 @@ def one_process(model, observed, points, kernels):
 
     Its matrices have two rows for each of n samples and then of m points; A: known values, B: those to predict.
     """
-    n = len(observed.unit)
+    n = len(observed.unit_points)
     m = len(points)
     known = slice(0, 2 * n)
     unknown = slice(2 * n, 2 * (n + m))
@@ -111,11 +118,15 @@ def one_process(model, observed, points, kernels):
     to_responses = np.linalg.inv(model._mixing).T @ np.diag(model._scale)
     back = np.kron(np.eye(n + m), to_responses)
     of_combinations = np.zeros((2 * (n + m), 2 * (n + m)))
-    everywhere = np.vstack([observed.unit, points]) - 0.5
+    everywhere = np.vstack([observed.unit_points, points]) - 0.5
     for j, kernel in enumerate(kernels):
         of_combinations[j::2, j::2] = kernel(everywhere)
     prior = back @ of_combinations @ back.T
-    errors = back[known, known] @ np.diag(model.errors.ravel()) @ back[known, known].T
+    errors = (
+        back[known, known]
+        @ np.diag(model.noise_variances.ravel())
+        @ back[known, known].T
+    )
     # mean and covariance of B given A: K_BA (K_AA + errors)^-1
     gain = prior[unknown, known] @ np.linalg.inv(prior[known, known] + errors)
     middle = model._middle @ np.linalg.inv(model._mixing)
@@ -162,7 +173,7 @@ def test_the_noise_of_samples():
     observed = poured(n=40, seeds=4)
     mixed = observed.residuals @ Kriging(observed)._mixing
     sample_variances = (mixed**2).sum(axis=1) / 3
-    moderated = Kriging(observed).errors * Kriging(observed)._scale ** 2 * 4
+    moderated = Kriging(observed).noise_variances * Kriging(observed)._scale ** 2 * 4
     expected = (PRIOR_DEGREES_OF_FREEDOM + 3 * sample_variances) / (
         PRIOR_DEGREES_OF_FREEDOM + 3
     )
@@ -173,7 +184,7 @@ def test_the_noise_of_samples():
     observed.values[7, 1:] = np.nan
     model = Kriging(observed)
     assert observed.counts[7] == 1
-    assert model.errors[7] * model._scale**2 == pytest.approx(1.0)
+    assert model.noise_variances[7] * model._scale**2 == pytest.approx(1.0)
 
 
 def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means():
@@ -199,7 +210,7 @@ def test_too_few_pours_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("point", "is_sound"),
+    ("point", "avoids"),
     [
         (0.125, True),  # 0.125 from a good sample, 0.375 from a failed one
         (0.375, True),  # as near to a good sample as to a failed one
@@ -209,17 +220,17 @@ def test_too_few_pours_are_refused():
         (0.9375, False),
     ],
 )
-def test_a_point_is_sound_if_no_failed_sample_is_nearer_than_a_good_one(
-    point, is_sound
+def test_a_point_avoids_failures_if_no_failed_sample_is_nearer_than_a_good_one(
+    point, avoids
 ):
     observed = ObservedSamples(
-        unit=np.array([[0.25], [0.75]]),
+        unit_points=np.array([[0.25], [0.75]]),
         values=np.zeros((2, 1, 1)),
         failed=np.array([[0.5], [1.0]]),
     )
-    assert observed.is_sound(np.array([[point]])).tolist() == [is_sound]
+    assert observed.avoids_failures(np.array([[point]])).tolist() == [avoids]
     many = np.full((5, 1), point)
-    assert observed.is_sound(many).tolist() == [is_sound] * 5
+    assert observed.avoids_failures(many).tolist() == [avoids] * 5
 
 
 def test_a_mean_alone_has_the_bits_of_a_prediction():

@@ -124,8 +124,8 @@ def test_up_to_the_limit_nothing_is_sparse(monkeypatch):
     monkeypatch.setattr(kriging, "MAX_EXACT_SAMPLES", 20)
     monkeypatch.setattr(noise, "MAX_EXACT_SAMPLES", 20)
     many = Kriging(simulated(21), NOISE)
-    assert [type(one) for one in many.sets[0]] == [SparseProcess] * 2
-    assert len(many.sets) == 1
+    assert [type(one) for one in many.process_sets[0]] == [SparseProcess] * 2
+    assert len(many.process_sets) == 1
     functions = Draws(many, 0, np.random.default_rng(1))(np.zeros((3, 4)))
     assert functions.shape == (N_FUNCTIONS, 3, 2)
 
@@ -133,9 +133,9 @@ def test_up_to_the_limit_nothing_is_sparse(monkeypatch):
     monkeypatch.setattr(noise, "_interpolate_evidence", refuse)
     few = simulated(20)
     model = Kriging(few, NOISE)
-    assert [type(one) for one in model.sets[0]] == [Process] * 2
-    assert len(model.sets) == N_DRAWS
-    assert estimate_nugget(few.unit, few.means[:, 0], np.ones(20)) > 0
+    assert [type(one) for one in model.process_sets[0]] == [Process] * 2
+    assert len(model.process_sets) == N_DRAWS
+    assert estimate_nugget(few.unit_points, few.means[:, 0], np.ones(20)) > 0
     with pytest.raises(AssertionError):
         Kriging(simulated(21), NOISE)
 
@@ -175,7 +175,9 @@ def test_the_noise_of_many_single_runs_is_known_better_than_to_a_step_of_the_sha
         observed = simulated(600, seed)
         shares = np.ones(600)
         for values, variance in zip(observed.means.T, NOISE.diagonal(), strict=True):
-            factors.append(estimate_nugget(observed.unit, values, shares) / variance)
+            factors.append(
+                estimate_nugget(observed.unit_points, values, shares) / variance
+            )
     # The best of `NOISE_FRACTIONS` alone may be wrong by half a step.
     half_step = np.sqrt(noise.NOISE_FRACTIONS[1] / noise.NOISE_FRACTIONS[0])
     assert np.abs(np.log(factors)).max() < np.log(half_step)

@@ -106,7 +106,7 @@ def advised(data, targets=TARGETS, failed=None, **changes):
     goal = Goal.from_targets(targets, section.tolerance_percent, SPACE)
     data = data if failed is None else data._replace(failed=failed)
     return advise(
-        data, goal, section, 3 * len(data.unit), np.random.default_rng(1), None
+        data, goal, section, 3 * len(data.unit_points), np.random.default_rng(1), None
     )
 
 
@@ -191,7 +191,8 @@ def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_
         if found.stop is None:
             more = observed_at(found.batch, 0.2, TARGETS, seed)
             data = ObservedSamples(
-                np.vstack([data.unit, more.unit]), np.vstack([data.values, more.values])
+                np.vstack([data.unit_points, more.unit_points]),
+                np.vstack([data.values, more.values]),
             )
             found = advised(data, unreachable, most_pours=999)
     assert found.stop == "out_of_reach"
@@ -207,8 +208,8 @@ def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_
         SPACE.values(found.answer[None]), columns=list(PARAMETERS)
     )
     assert goal.compute_deviations(responses(answer_table))[1][0] < least + 0.1
-    assert found.reach.nearest == pytest.approx(
-        least, abs=max(0.1, 3 * found.reach.error)
+    assert found.reach.deviation == pytest.approx(
+        least, abs=max(0.1, 3 * found.reach.deviation_sd)
     )
     found = advised(
         observed(n=12, noise=0.2), unreachable, most_pours=999, start_samples=18
@@ -225,7 +226,7 @@ def test_draws_of_the_responses_have_the_moments_of_the_model(targets):
     unit = np.random.default_rng(4).random((30, 6))
     draws = (
         Draws(model, k, np.random.default_rng([7, k, j]))
-        for k in range(len(model.sets))
+        for k in range(len(model.process_sets))
         for j in range(12)
     )
     drawn = np.concatenate([draw(unit) for draw in draws])
@@ -309,7 +310,7 @@ def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
     second = advised(data, failed=failed, most_pours=999, probability=0.99)
     for points in (second.batch, second.answer[None]):
         assert (
-            cdist(points, failed)[:, 0] >= cdist(points, data.unit).min(axis=1)
+            cdist(points, failed)[:, 0] >= cdist(points, data.unit_points).min(axis=1)
         ).all()
 
 

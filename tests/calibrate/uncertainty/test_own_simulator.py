@@ -332,7 +332,7 @@ def test_replicates_that_do_not_differ_are_named(study, table):
     )
     ways_out = r".*noise_sd .* at least 8 samples"
     input_error(
-        f"between the runs of a sample is 0; expected other results of angle_deg in{ways_out}",
+        f"between the runs of a sample is 0; expected results of angle_deg that differ{ways_out}",
         noise_of,
         study,
         alike,
@@ -343,7 +343,7 @@ def test_replicates_that_do_not_differ_are_named(study, table):
         * (few["angle_deg"] - few.groupby("sample")["angle_deg"].transform("first"))
     )
     input_error(
-        f"is 'proportional in several responses'; expected other results{ways_out}",
+        f"is 'proportional in several responses'; expected results of each response{ways_out}",
         noise_of,
         study,
         proportional,

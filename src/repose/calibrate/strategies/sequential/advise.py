@@ -28,11 +28,14 @@ N_CANDIDATES = 2048
 # The search continues around the N_KEPT best points, with N_AROUND new points for each.
 N_KEPT = 8
 N_AROUND = 64
+# Number of points that are drawn for each point of a batch. So many may be forbidden or
+# near failed samples.
+N_DRAWN_PER_SAMPLE = 64
 # Standard deviations of the new points about the best ones, as fractions of the ranges.
 # The search has a step for each of them.
 STEP_SDS = (0.1, 0.03, 0.01)
-# Standard deviation of the points of a batch about the answer, in fractions of the
-# prior.
+# Standard deviation of the points of a batch about the answer. The unit is a quantile
+# of the prior, from 0 to 1.
 BATCH_SD = 0.1
 # Limits of the probability that any point meets the targets. If it is below
 # DOUBTFUL_PROBABILITY, half a batch is simulated where the draws of the model come
@@ -90,11 +93,13 @@ class Advice(NamedTuple):
     mean, error : numpy.ndarray, (k,)
         Predicted mean responses of the answer, and their standard errors.
     reachable : float
-        The highest probability that the remaining runs can give.
+        The highest value that `probability` may reach with the runs of the budget that
+        are left.
     needed : int
         Number of runs at one point that the noise alone requires.
     reach : Reach
-        Whether any parameter set meets the targets.
+        How probably any parameter set meets the targets, and how near the nearest one
+        comes to them.
     is_nearest : bool
         Whether the answer is the nearest point.
     model : Kriging
@@ -115,7 +120,7 @@ class Advice(NamedTuple):
 
 
 def make_start(
-    space: ParameterSpace, section: SequentialSettings, seed: int
+    space: ParameterSpace, settings: SequentialSettings, seed: int
 ) -> np.ndarray:
     """Make the first points (n, d) in the unit cube.
 
@@ -127,14 +132,14 @@ def make_start(
         return optimal_lhs(size, space.dimensions, seed)
 
     return make_allowed_design(
-        design_of, section.start_samples, space, follows_prior=True
+        design_of, settings.start_samples, space, follows_prior=True
     )
 
 
 def advise(
     observed: ObservedSamples,
     goal: Goal,
-    section: SequentialSettings,
+    settings: SequentialSettings,
     done: int,
     random: Generator,
     noise: np.ndarray | None,
@@ -149,7 +154,7 @@ def advise(
         The runs so far.
     goal : Goal
         The targets within their tolerance.
-    section : SequentialSettings
+    settings : SequentialSettings
         The section `sequential`.
     done : int
         Number of runs so far, including failed ones.
@@ -163,17 +168,17 @@ def advise(
     ValueError
         If the runs are too few for `Kriging`.
     """
-    # Model the runs, and rank points all over the ranges by how probably they meet the
-    # targets.
+    # Model the runs, and rank points all over the ranges by the probability that they
+    # meet the targets.
     model = Kriging(observed, noise)
     ranking = rank_points(model, goal, observed, random)
-    attainable = estimate_reach(model, goal, random.spawn(1)[0])
+    reach = estimate_reach(model, goal, random.spawn(1)[0])
     answer = ranking.best
     probability = _compute_probability(model, goal, answer)
 
-    # Decide whether to stop, by the budget and by the probability within reach.
-    runs_left = max(section.most_pours - done, 0)
-    n_samples = min(section.batch, runs_left // section.seeds)
+    # Decide whether to stop. The key `most_pours` is the budget of runs.
+    runs_left = max(settings.most_pours - done, 0)
+    n_samples = min(settings.batch, runs_left // settings.seeds)
     allowed = ranking.points
     if goal.space.constraints:
         allowed = allowed[goal.space.is_allowed(allowed)]
@@ -181,15 +186,15 @@ def advise(
     # The response may be steep at an end of a range, and a model without runs there
     # only extrapolates the slope. Therefore require a run at these ends before calling
     # the targets out of reach. If the ends are forbidden (NaN), no run is required.
-    ends = find_nearest_ends(attainable.points)
+    ends = find_nearest_ends(reach.points)
     if not goal.space.is_allowed(np.where(np.isfinite(ends), ends, answer)[None])[0]:
         ends = np.full(len(ends), np.nan)
-    is_past_start = done > section.start_samples * section.seeds
+    is_past_start = done > settings.start_samples * settings.seeds
     stop = _find_reason_to_stop(
-        section,
+        settings,
         probability=probability,
         reachable=reachable,
-        attainable=attainable.probability,
+        reach_probability=reach.probability,
         n_samples=n_samples,
         is_past_start=is_past_start,
         is_end_simulated=has_run_at(ends, observed.simulated),
@@ -205,8 +210,8 @@ def advise(
 
     batch = np.empty((0, len(answer)))
     if stop is None:
-        batch = _choose_batch(answer, n_samples, attainable, goal, observed, random)
-        if attainable.probability < UNREACHABLE_PROBABILITY and is_past_start:
+        batch = _choose_batch(answer, n_samples, reach, goal, observed, random)
+        if reach.probability < UNREACHABLE_PROBABILITY and is_past_start:
             batch = _move_to_ends(ends, batch, observed, goal.space)
 
     mean, covariance = model.predict(answer[None])
@@ -218,8 +223,8 @@ def advise(
         mean=mean[0],
         error=np.sqrt(np.diagonal(covariance[0])),
         reachable=reachable,
-        needed=goal.count_needed_runs(model.noise, section.probability),
-        reach=attainable,
+        needed=goal.count_needed_runs(model.noise, settings.probability),
+        reach=reach,
         is_nearest=is_nearest,
         model=model,
     )
@@ -228,7 +233,7 @@ def advise(
 def _choose_batch(
     answer: np.ndarray,
     n_samples: int,
-    attainable: Reach,
+    reach: Reach,
     goal: Goal,
     observed: ObservedSamples,
     random: Generator,
@@ -241,8 +246,9 @@ def _choose_batch(
         The answer so far.
     n_samples : int
         Largest number of points.
-    attainable : Reach
-        Probability that any parameter set meets the targets, and the nearest points.
+    reach : Reach
+        Probability that any parameter set meets the targets, and the points where the
+        draws of the model come nearest to the targets.
     goal : Goal
         The targets within their tolerance.
     observed : ObservedSamples
@@ -252,28 +258,29 @@ def _choose_batch(
 
     Returns
     -------
-    numpy.ndarray, (b, d)
+    numpy.ndarray, (batch, d)
         Points of the unit cube, at most `n_samples`.
     """
-    if attainable.probability < DOUBTFUL_PROBABILITY:
+    if reach.probability < DOUBTFUL_PROBABILITY:
         # The targets may be out of reach. To decide this, simulate half a batch,
         # rounded up, where draws of the model come nearest to the targets.
-        points = random.permutation(attainable.points)
+        points = random.permutation(reach.points)
         new_points = _select_new(points, observed.simulated)
         n_half = math.ceil(n_samples / 2)
-        batch = _select_sound(new_points, observed, n_half)
-        # If all these points are already simulated, continue around the answer.
+        batch = _select_points(new_points, observed, n_half)
+        # The batch is empty if all these points are already simulated. Then continue
+        # around the answer.
         if len(batch) > 0:
             return batch
     return _draw_around(answer, n_samples, goal, observed, random)
 
 
 def _find_reason_to_stop(
-    section: SequentialSettings,
+    settings: SequentialSettings,
     *,
     probability: float,
     reachable: float,
-    attainable: float,
+    reach_probability: float,
     n_samples: int,
     is_past_start: bool,
     is_end_simulated: bool,
@@ -282,34 +289,38 @@ def _find_reason_to_stop(
 
     Parameters
     ----------
-    section : SequentialSettings
+    settings : SequentialSettings
         The section `sequential`.
     probability : float
-        Probability that the answer meets the targets.
+        Probability that the answer meets the targets, given the runs so far.
     reachable : float
-        Highest such probability that the remaining runs can reach.
-    attainable : float
-        Probability that any parameter set meets the targets.
+        Highest value that `probability` may reach with the runs that are left.
+    reach_probability : float
+        Probability that any parameter set at all meets the targets.
     n_samples : int
         Number of samples in a further batch that the budget allows.
     is_past_start : bool
-        Whether batches have followed the start.
+        Whether there are more runs than those of the start.
     is_end_simulated : bool
         Whether a run was made at the ends of the ranges where the draws come nearest to
-        the targets.
+        the targets. Without such a run, the targets are not called out of reach.
 
     Returns
     -------
     str or None
         The attribute `stop` of `Advice`. None means to simulate another batch.
     """
-    if probability >= section.probability:
+    # If several reasons apply, the first one says the most about the answer.
+    if probability >= settings.probability:
         return "probability"
-    if attainable < UNREACHABLE_PROBABILITY and is_past_start and is_end_simulated:
+    is_unreachable = reach_probability < UNREACHABLE_PROBABILITY
+    if is_unreachable and is_past_start and is_end_simulated:
         return "out_of_reach"
     if n_samples == 0:
         return "budget"
-    if reachable < probability + MIN_GAIN and attainable >= UNREACHABLE_PROBABILITY:
+    # If the targets seem out of reach, further runs are still worth while, because they
+    # may confirm it.
+    if reachable < probability + MIN_GAIN and not is_unreachable:
         return "noise"
     return None
 
@@ -324,8 +335,8 @@ def find_nearest_ends(points: np.ndarray) -> np.ndarray:
     """
     ends = np.full(points.shape[1], np.nan)
     for end in (0.0, 1.0):
-        share = (np.abs(points - end) <= END_FRACTION).mean(axis=0)
-        ends[share >= 0.5] = end
+        fraction_at_end = (np.abs(points - end) <= END_FRACTION).mean(axis=0)
+        ends[fraction_at_end >= 0.5] = end
     return ends
 
 
@@ -369,11 +380,12 @@ def no_point_meets(model: Kriging, goal: Goal, ranking: ScoredPoints) -> bool:
 def find_nearest(
     model: Kriging, goal: Goal, observed: ObservedSamples, points: np.ndarray
 ) -> np.ndarray:
-    """Find the point (d,) with the smallest expected deviation from the targets.
+    """Find the point whose predicted responses are nearest to the targets.
 
-    The deviation is Eq. 11 of the paper, without a prior. Only points near samples are
+    Its expected deviation from the targets is the smallest. The deviation is the
+    weighted sum of Eq. 11 of the paper, without a prior. Only points near samples are
     considered. Far from all samples, as in the corners of a Box-Behnken design, the
-    model is so uncertain that any point may seem near.
+    model is so uncertain that a point there may seem near the targets by chance.
 
     Parameters
     ----------
@@ -389,21 +401,24 @@ def find_nearest(
     Returns
     -------
     numpy.ndarray, (d,)
+        The point in the unit cube.
     """
-    d = observed.unit.shape[1]
+    d = observed.unit_points.shape[1]
     names = [str(k) for k in range(d)]
-    support = Support(observed.unit, low=np.zeros(d), high=np.ones(d), names=names)
+    support = Support(
+        observed.unit_points, low=np.zeros(d), high=np.ones(d), names=names
+    )
 
-    def score(unit: np.ndarray) -> np.ndarray:
-        """Score points (n, d). A point where samples are sparse is never the best."""
-        mean, covariance = model.predict(unit)
+    def score(unit_points: np.ndarray) -> np.ndarray:
+        """Return minus the expected deviation; -inf where a point is not considered."""
+        mean, covariance = model.predict(unit_points)
         deviation = goal.expected_deviation(mean, covariance)
-        is_excluded = support.is_thin(unit) | ~goal.space.is_allowed(unit)
+        is_excluded = support.is_thin(unit_points) | ~goal.space.is_allowed(unit_points)
         return np.where(is_excluded, -np.inf, -deviation)
 
     # With a fixed seed, the same runs always give the same point.
     random = np.random.default_rng(NEAREST_SEED)
-    starts = np.vstack([observed.unit, points])
+    starts = np.vstack([observed.unit_points, points])
     return _refine_search(starts, score, observed, random).best
 
 
@@ -421,7 +436,7 @@ def _refine_search(
     Parameters
     ----------
     points : numpy.ndarray, (m, d)
-        First points of the unit cube.
+        Points of the unit cube from which the search starts.
     score : callable
         Function of points (n, d) that returns their scores (n,). Higher is better.
     observed : ObservedSamples
@@ -432,14 +447,16 @@ def _refine_search(
     Returns
     -------
     ScoredPoints
-        The first points, and all points that were tried.
+        The starting points, and all points that were tried.
     """
 
-    def score_sound(unit: np.ndarray) -> np.ndarray:
-        """Score points (n, d); -inf for a point near a failed sample."""
-        return np.where(observed.is_sound(unit), score(unit), -np.inf)
+    def score_avoiding_failures(unit_points: np.ndarray) -> np.ndarray:
+        """Score points (n, d); -inf for a point that a failed sample is nearest to."""
+        return np.where(
+            observed.avoids_failures(unit_points), score(unit_points), -np.inf
+        )
 
-    scores = score_sound(points)
+    scores = score_avoiding_failures(points)
     for step in STEP_SDS:
         best = points[np.argsort(-scores)[:N_KEPT]]
         # Try points around the best ones.
@@ -447,7 +464,7 @@ def _refine_search(
         shifts = step * random.standard_normal(centres.shape)
         new_points = np.clip(centres + shifts, 0, 1)
         points = np.vstack([points, new_points])
-        scores = np.concatenate([scores, score_sound(new_points)])
+        scores = np.concatenate([scores, score_avoiding_failures(new_points)])
     return ScoredPoints(points, scores)
 
 
@@ -461,16 +478,16 @@ def rank_points(
     """
     from scipy.stats import qmc
 
-    dimensions = observed.unit.shape[1]
+    dimensions = observed.unit_points.shape[1]
     sequence = qmc.Sobol(dimensions, rng=random)
     points = take_allowed_points(sequence, N_CANDIDATES, goal.space)
     return _refine_search(points, partial(goal.score, model), observed, random)
 
 
 def find_alternatives(
-    ranking: ScoredPoints, model: Kriging, targets: Targets, section: MigaSettings
+    ranking: ScoredPoints, model: Kriging, targets: Targets, settings: MigaSettings
 ) -> Alternatives:
-    """Choose points that are predicted inside all ranges and apart from each other.
+    """Choose points with a minimum distance that are predicted inside all ranges.
 
     Parameters
     ----------
@@ -480,17 +497,25 @@ def find_alternatives(
         Model of the runs.
     targets : Targets
         The targets of the study.
-    section : MigaSettings
-        Its keys set the number of points and their least distance.
+    settings : MigaSettings
+        Its keys `solutions` and `distance` are the largest number of points and their
+        minimum distance.
+
+    Returns
+    -------
+    Alternatives
+        The chosen points, those with the highest score first.
     """
     mean = model.predict(ranking.points)[0]
     is_in_ranges = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1)
     is_suitable = is_in_ranges & np.isfinite(ranking.scores)
     # Find the row numbers of the suitable points, the best first.
     best_first = np.argsort(-ranking.scores, kind="stable")
-    rows = best_first[is_suitable[best_first]]
-    chosen = rows[select_separated(ranking.points[rows], section)]
-    return Alternatives(ranking.points[chosen], mean[chosen])
+    suitable_rows = best_first[is_suitable[best_first]]
+    # `select_separated` returns positions in the list of suitable points.
+    positions = select_separated(ranking.points[suitable_rows], settings)
+    chosen_rows = suitable_rows[positions]
+    return Alternatives(ranking.points[chosen_rows], mean[chosen_rows])
 
 
 def _draw_around(
@@ -500,29 +525,51 @@ def _draw_around(
     observed: ObservedSamples,
     random: Generator,
 ) -> np.ndarray:
-    """Draw points around the answer, with normal distances in fractions of the prior.
+    """Draw normally distributed points around the answer.
 
     Because they differ from the answer, the model learns slopes as well as the mean.
+
+    Parameters
+    ----------
+    answer : numpy.ndarray, (d,)
+        The answer so far.
+    n_samples : int
+        Largest number of points.
+    goal : Goal
+        Its parameter space has the priors and constraints of the parameters.
+    observed : ObservedSamples
+        The samples so far.
+    random : numpy.random.Generator
+        Source of the random numbers.
+
+    Returns
+    -------
+    numpy.ndarray, (batch, d)
+        Points of the unit cube that obey the constraints. With constraints there may be
+        fewer than `n_samples`.
     """
-    # In fractions of the prior, 0.1 on each side is a tenth of its probability.
+    # Draw quantiles of the prior (values of its distribution function) instead of
+    # coordinates. The points then spread further where the prior is wider. Without a
+    # prior, the quantiles are the coordinates themselves.
     centre = goal.space.prior_cdf(answer[None])
-    shape = (N_AROUND * n_samples, len(answer))
-    shares = np.clip(centre + BATCH_SD * random.standard_normal(shape), 0, 1)
-    points = goal.space.from_prior(shares)
+    shape = (N_DRAWN_PER_SAMPLE * n_samples, len(answer))
+    quantiles = np.clip(centre + BATCH_SD * random.standard_normal(shape), 0, 1)
+    points = goal.space.from_prior(quantiles)
     if goal.space.constraints:
-        # The answer is allowed, so points are left.
+        # Add the answer, which is allowed, so that at least one point remains.
         points = np.vstack([points[goal.space.is_allowed(points)], answer])
-    return _select_sound(points, observed, n_samples)
+    return _select_points(points, observed, n_samples)
 
 
-def _select_sound(
+def _select_points(
     points: np.ndarray, observed: ObservedSamples, count: int
 ) -> np.ndarray:
-    """Select `count` points, sound ones first.
+    """Select the first `count` points (n, d), but prefer those that avoid failures.
 
-    A point is sound if it is not nearer to a failed sample than to a good one.
+    A point avoids failures if it is at least as near to a good sample as to a failed
+    one. Other points are selected only if there are too few of these.
     """
-    order = np.argsort(~observed.is_sound(points), kind="stable")
+    order = np.argsort(~observed.avoids_failures(points), kind="stable")
     return points[order[:count]]
 
 

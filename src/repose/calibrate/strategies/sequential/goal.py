@@ -24,7 +24,7 @@ DISTANCE_WEIGHT = 1e-6
 
 
 class Deviations(NamedTuple):
-    """Deviations of responses (..., k) from the goal."""
+    """Two measures of how far responses (..., k) are from the goal."""
 
     largest: np.ndarray  # (...), largest of the k deviations, in units of the tolerance
     F: np.ndarray  # (...), weighted sum over the responses (Eq. 11 of the paper)
@@ -114,14 +114,14 @@ class Goal(NamedTuple):
             mean, covariance, self.aim - self.half, self.aim + self.half
         )
 
-    def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
+    def score(self, model: Kriging, unit_points: np.ndarray) -> np.ndarray:
         """Score points (m, d) of the unit cube; the best point has the highest score.
 
         The score is the log of the probability that a point meets the targets, plus the
         log of its prior density. Where the probability underflows, the point nearer to
         the targets is better.
         """
-        mean, covariance = model.predict(unit)
+        mean, covariance = model.predict(unit_points)
         deviation = mean - self.aim
         scaled = np.linalg.solve(covariance, deviation[:, :, None])[:, :, 0]
         squared_distance = np.einsum("mi,mi->m", deviation, scaled)
@@ -129,36 +129,39 @@ class Goal(NamedTuple):
         return (
             np.log(probability)
             - DISTANCE_WEIGHT * squared_distance
-            + self.space.log_prior(unit)
+            + self.space.log_prior(unit_points)
         )
 
-    def estimate_reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
-        """Estimate how probably the answer can meet the goal after further runs.
+    def estimate_reachable(
+        self, model: Kriging, unit_points: np.ndarray, n_runs: int
+    ) -> float:
+        """Estimate the highest probability of meeting the goal after further runs.
 
-        Let C be the covariance of a mean and N that of a single run. Then p further
-        runs at the point reduce C to R = (C^-1 + p N^-1)^-1. With luck, they also move
-        the mean towards the target. The move has the covariance C - R, and is at most
-        `LUCKY_SDS` standard deviations.
+        It is optimistic. Let C be the covariance of a predicted mean, and N the
+        covariance of a single run, `model.noise`. Then n further runs at the point
+        reduce C to R = (C^-1 + n N^-1)^-1, the remaining covariance. In a good case,
+        they also move the mean towards the target. The move has the covariance C - R.
+        The best case that counts is a move of `LUCKY_SDS` standard deviations.
 
         Parameters
         ----------
         model : Kriging
             Model of the runs.
-        unit : array (m, d)
+        unit_points : array (m, d)
             Points of the unit cube.
-        pours : int
-            Number p of further runs, all at one of the points.
+        n_runs : int
+            Number n of further runs, all at one of the points.
 
         Returns
         -------
         float
             The largest of the probabilities of all points.
         """
-        mean, covariance = model.predict(unit)
+        mean, covariance = model.predict(unit_points)
         # Covariance after the further runs.
-        precision = np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise)
+        precision = np.linalg.inv(covariance) + n_runs * np.linalg.inv(model.noise)
         remaining_covariance = np.linalg.inv(precision)
-        # Move each mean towards its target, but not beyond it.
+        # Move each mean towards its target `aim`, but not beyond it.
         variance_of_move = np.diagonal(
             covariance - remaining_covariance, axis1=1, axis2=2
         )
@@ -187,10 +190,10 @@ class Goal(NamedTuple):
             The smallest number, but at most `MAX_NEEDED`.
         """
 
-        def is_enough(runs: int) -> bool:
+        def is_enough(n_runs: int) -> bool:
             # The best case is a mean at the aims.
             return (
-                self.probability(self.aim[None], noise[None] / runs)[0] >= probability
+                self.probability(self.aim[None], noise[None] / n_runs)[0] >= probability
             )
 
         # Double the number of runs until it is enough, then bisect.

@@ -71,17 +71,23 @@ SUBSET_SEED = 2
 
 
 class ObservedSamples(NamedTuple):
-    """Samples with the responses of their runs."""
+    """The runs of n good samples as arrays, and the points of the failed samples.
 
-    unit: np.ndarray  # (n, d), free parameters in the unit cube
-    # (n, runs, k), NaN for a missing run; every sample has at least one good run
+    All points lie in the unit cube, in which each free parameter goes from 0 to 1.
+    """
+
+    unit_points: np.ndarray  # (n, d), the good samples
+    # (n, runs, k), the responses; NaN for a missing run. Every sample has at least one
+    # run with all responses.
     values: np.ndarray
-    failed: np.ndarray = np.empty((0, 0))  # (f, d), the samples without a good run
+    failed: np.ndarray = np.empty((0, 0))  # (f, d), the failed samples
 
     @property
     def simulated(self) -> np.ndarray:
         """All samples, (n + f, d)."""
-        return np.vstack([self.unit, self.failed.reshape(-1, self.unit.shape[1])])
+        return np.vstack(
+            [self.unit_points, self.failed.reshape(-1, self.unit_points.shape[1])]
+        )
 
     @property
     def good(self) -> np.ndarray:
@@ -107,13 +113,13 @@ class ObservedSamples(NamedTuple):
     @property
     def degrees_of_freedom(self) -> int:
         """Degrees of freedom of the noise: good runs minus samples."""
-        return int(self.counts.sum() - len(self.unit))
+        return int(self.counts.sum() - len(self.unit_points))
 
     @property
-    def alike(self) -> np.ndarray:
-        """Mask (k,) of the responses in which the runs of each sample are all alike.
+    def equal_in_replicates(self) -> np.ndarray:
+        """Mask (k,) of the responses that are equal in all runs of each sample.
 
-        Residuals as small as the rounding errors of the means are not noise.
+        A difference as small as the rounding errors of the means does not count.
         """
         residuals = self.residuals.reshape(-1, self.values.shape[2])
         variances = np.diagonal(
@@ -122,20 +128,24 @@ class ObservedSamples(NamedTuple):
         sd = np.sqrt(variances)
         return sd <= ROUNDING_FRACTION * np.abs(self.means).max(axis=0)
 
-    def is_sound(self, unit: np.ndarray) -> np.ndarray:
-        """Mark points (m, d) at least as near to a good sample as to a failed one."""
+    def avoids_failures(self, unit_points: np.ndarray) -> np.ndarray:
+        """Mark points (m, d) at least as near to a good sample as to a failed one.
+
+        The result is a mask (m,). Other points would probably fail as well.
+        """
         from scipy.spatial.distance import cdist
 
         if not len(self.failed):
-            return np.full(len(unit), True)
-        to_failed = cdist(unit, self.failed).min(axis=1)
-        to_good = cdist(unit, self.unit).min(axis=1)
+            return np.full(len(unit_points), True)
+        to_failed = cdist(unit_points, self.failed).min(axis=1)
+        to_good = cdist(unit_points, self.unit_points).min(axis=1)
         return to_failed >= to_good
 
     def estimate_noise(self) -> np.ndarray:
         """Estimate the covariance of a single run about the mean of its sample.
 
-        The covariance is assumed to be the same for all samples.
+        This is the pooled covariance within the samples: it is assumed to be the same
+        for all of them.
 
         Returns
         -------
@@ -144,22 +154,26 @@ class ObservedSamples(NamedTuple):
         Raises
         ------
         ValueError
-            If too few samples have two runs, or if the runs of each sample are all
-            alike.
+            If there are too few replicates (further runs of a sample), or if all runs
+            of each sample are equal.
         """
         k = self.values.shape[2]
         # The residual of a missing run is 0, which does not change the sums.
         residuals = self.residuals.reshape(-1, k)
+        # A covariance of k responses needs at least k degrees of freedom to have full
+        # rank. One more is required, so that it is not merely just invertible.
         if self.degrees_of_freedom <= k:
             raise ValueError(
-                f"{self.degrees_of_freedom} pours beyond the first of each sample; "
+                f"{self.degrees_of_freedom} runs beyond the first of each sample; "
                 f"expected at least {k + 1}"
             )
         covariance = residuals.T @ residuals / self.degrees_of_freedom
         sd = np.sqrt(np.diagonal(covariance))
-        if self.alike.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
+        if self.equal_in_replicates.any() or not _has_full_rank(
+            covariance / np.outer(sd, sd)
+        ):
             raise ValueError(
-                "all pours of a sample gave the same responses; expected different seeds"
+                "all runs of a sample gave the same responses; expected different seeds"
             )
         return covariance
 
@@ -200,16 +214,22 @@ class Kriging(CombinedOutputs):
         If there are too few replicates for the noise, or fewer than two samples.
     """
 
-    unit: np.ndarray  # (n, d), the samples, about the centre of the ranges
+    centred_points: np.ndarray  # (n, d), points of the samples in the unit cube - 0.5
     noise: np.ndarray  # (k, k), covariance of a single run
-    errors: np.ndarray  # (n, k), variances of the scaled combinations at the samples
-    sets: list  # processes of all combinations, for each draw of variance and lengths
-    factor: float  # on the variance of each draw
+    # (n, k), variance of the noise in the mean of each sample, for each combination.
+    # The unit is that of `values`, the combinations scaled to variance 1.
+    noise_variances: np.ndarray
+    # A set has a process for each combination. There is a set for each draw of the
+    # hyperparameters (variance and lengths), but only one with many samples.
+    process_sets: list
+    factor: float  # by which the variances that the processes predict are multiplied
 
     def __init__(
         self, observed: ObservedSamples, noise: np.ndarray | None = None
     ) -> None:
-        """Fit processes to combinations of the responses, and estimate the factor.
+        """Fit processes to combinations of the responses.
+
+        Also estimate the factor by which the variances of the processes are multiplied.
 
         Parameters
         ----------
@@ -218,38 +238,45 @@ class Kriging(CombinedOutputs):
         noise : array (k, k), optional
             Covariance of a single run. None estimates it from the replicates.
         """
-        n_samples = len(observed.unit)
+        n_samples = len(observed.unit_points)
         if n_samples < MIN_SAMPLES:
             raise ValueError(f"{n_samples} samples; expected at least {MIN_SAMPLES}")
         self.noise = observed.estimate_noise() if noise is None else noise
         # Model independent combinations of the responses, scaled to variance 1.
+        # `_combine` sets `values`, `_mixing` and `_scale`, which are used below.
         combinations = _find_independent_combinations(observed, self.noise)
         self._combine(observed.means, combinations)
-        self.unit = observed.unit - 0.5
-        self.errors = _estimate_mean_variances(observed, self._mixing) / self._scale**2
+        mean_variances = _estimate_mean_variances(observed, self._mixing)
+        self.noise_variances = mean_variances / self._scale**2
+        # The linear part of a process is most certain at the origin, so put it at the
+        # centre of the cube.
+        self.centred_points = observed.unit_points - 0.5
 
-        # Make the processes of each combination, one for each draw of hyperparameters.
-        # Then group them by draw.
+        # Make the processes of each combination: one for each draw of hyperparameters,
+        # or a single sparse one if there are many samples. Then group them by draw.
         if n_samples > MAX_EXACT_SAMPLES:
             make_processes = _make_sparse_process
         else:
             make_processes = _draw_processes
         processes_of_combinations = [
-            make_processes(self.unit, values, errors)
-            for values, errors in zip(self.values.T, self.errors.T, strict=True)
+            make_processes(self.centred_points, values, noise_variances)
+            for values, noise_variances in zip(
+                self.values.T, self.noise_variances.T, strict=True
+            )
         ]
-        self.sets = list(zip(*processes_of_combinations, strict=True))
+        self.process_sets = list(zip(*processes_of_combinations, strict=True))
 
-        # Compare the errors at left-out samples with the predicted variances.
+        # Estimate the factor: compare the errors at left-out samples with the variances
+        # that the processes predict there.
         residuals, variances, other_variances = self._predict_left_out()
         self.factor = _estimate_factor(residuals, variances, other_variances)
 
-    def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def predict(self, unit_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Predict mean responses at points of the unit cube.
 
         Parameters
         ----------
-        unit : array (m, d)
+        unit_points : array (m, d)
             Points of the unit cube.
 
         Returns
@@ -260,20 +287,21 @@ class Kriging(CombinedOutputs):
             Covariance of the mean, without the noise of a run.
         """
         means, variances = self._collect_moments(
-            lambda process: process.moments(unit - 0.5)
+            lambda process: process.moments(unit_points - 0.5)
         )
-        # The covariance of a mixture is that within the draws and that between them.
+        # The draws are a mixture. Its covariance is the mean covariance within the
+        # draws plus the covariance of the means of the draws.
         within = self._covariance(self.factor * variances.mean(axis=0))
         deviations = (means - means.mean(axis=0)) * self._scale @ self._unmixing
         between = np.einsum("smi,smj->mij", deviations, deviations) / len(deviations)
         return self.unmix(means.mean(axis=0)), within + between
 
-    def mean(self, unit: np.ndarray) -> np.ndarray:
+    def mean(self, unit_points: np.ndarray) -> np.ndarray:
         """Predict mean responses (m, k) like `predict`, but in far less time."""
         means = np.array(
             [
-                [process.mean(unit - 0.5) for process in processes]
-                for processes in self.sets
+                [process.mean(unit_points - 0.5) for process in processes]
+                for processes in self.process_sets
             ]
         )
         return self.unmix(means.transpose(0, 2, 1).mean(axis=0))
@@ -294,7 +322,7 @@ class Kriging(CombinedOutputs):
             lambda process: process.predict_left_out()
         )
         residuals = self.values - means.mean(axis=0)
-        others = means.var(axis=0) + self.errors
+        others = means.var(axis=0) + self.noise_variances
         return residuals, variances.mean(axis=0), others
 
     def _collect_moments(
@@ -305,7 +333,10 @@ class Kriging(CombinedOutputs):
         `predict` takes a process, and returns its means and variances (m,).
         """
         moments = np.array(
-            [[predict(process) for process in processes] for processes in self.sets]
+            [
+                [predict(process) for process in processes]
+                for processes in self.process_sets
+            ]
         )
         means, variances = moments.transpose(2, 0, 3, 1)
         return means, variances
@@ -430,7 +461,8 @@ class _PosteriorOptimiser:
     ) -> tuple[np.ndarray, float]:
         """Find the most probable hyperparameters theta.
 
-        scikit-learn calls this method.
+        scikit-learn calls this method. The attribute `curvature` is changed in place,
+        because scikit-learn takes only the two results.
 
         Parameters
         ----------
@@ -444,8 +476,7 @@ class _PosteriorOptimiser:
         Returns
         -------
         array (1 + d,)
-            The most probable theta. The attribute `curvature` is set to the second
-            derivatives at this point.
+            The most probable theta.
         float
             The negative log posterior at this point.
         """
@@ -461,7 +492,9 @@ class _PosteriorOptimiser:
         result = optimize.minimize(
             loss, start, jac=True, method="L-BFGS-B", bounds=bounds
         )
-        # Compute second derivatives as central differences of the gradient.
+        # Compute the second derivatives at the minimum, as central differences of the
+        # gradient. Rounding makes the matrix slightly asymmetric, which
+        # `_draw_hyperparameters` corrects.
         for k, step in enumerate(DIFFERENCE_STEP * np.eye(len(start))):
             _, gradient_above = loss(result.x + step)
             _, gradient_below = loss(result.x - step)
@@ -472,19 +505,23 @@ class _PosteriorOptimiser:
 
 
 def _draw_processes(
-    unit: np.ndarray, values: np.ndarray, errors: np.ndarray
+    centred_points: np.ndarray, values: np.ndarray, noise_variances: np.ndarray
 ) -> list[Any]:
-    """Draw Gaussian processes from the posterior of their hyperparameters.
+    """Draw Gaussian processes that differ in their hyperparameters.
 
-    All of them model one combination of the responses. A process is the sum of a linear
-    part with a fixed covariance and a smooth part with a random variance and lengths.
+    All of them model the same combination of the responses, a weighted sum. A process
+    is the sum of a linear part with a fixed covariance and a smooth part. The variance
+    and the lengths of the smooth part are drawn from their posterior.
 
     Parameters
     ----------
-    unit : array (n, d)
-        Samples about the centre of the unit cube.
-    values, errors : array (n,)
-        Means of the combination, of variance 1, and variances of their noise.
+    centred_points : array (n, d)
+        The samples in the unit cube, minus 0.5.
+    values : array (n,)
+        Mean of the combination at each sample, scaled so that the variance over the
+        samples is 1.
+    noise_variances : array (n,)
+        Variance of the noise in each of these means.
 
     Returns
     -------
@@ -492,25 +529,32 @@ def _draw_processes(
     """
     from repose.calibrate.surrogates.process import Process
 
-    best, curvature = _find_most_probable_kernel(unit, values, errors)
+    best, curvature = _find_most_probable_kernel(
+        centred_points, values, noise_variances
+    )
     # Condition a process on the samples for each draw of the hyperparameters.
     processes = []
     for theta in _draw_hyperparameters(best.theta, curvature):
         kernel_of_draw = best.clone_with_theta(theta)
-        processes.append(Process(kernel_of_draw, unit, values, errors, optimizer=None))
+        processes.append(
+            Process(
+                kernel_of_draw, centred_points, values, noise_variances, optimizer=None
+            )
+        )
     return processes
 
 
 def _make_sparse_process(
-    unit: np.ndarray, values: np.ndarray, errors: np.ndarray
+    centred_points: np.ndarray, values: np.ndarray, noise_variances: np.ndarray
 ) -> list[Any]:
-    """Make the most probable process of many samples.
+    """Make the process with the most probable hyperparameters, for many samples.
 
-    So many samples determine variance and lengths so well that these are not drawn.
+    Many samples determine the variance and the lengths so well that these are not
+    drawn.
 
     Parameters
     ----------
-    unit, values, errors
+    centred_points, values, noise_variances
         See `_draw_processes`.
 
     Returns
@@ -520,10 +564,12 @@ def _make_sparse_process(
     """
     from repose.calibrate.surrogates.process import SparseProcess, choose_centres
 
-    rows = draw_subset(len(unit))
-    kernel, _ = _find_most_probable_kernel(unit[rows], values[rows], errors[rows])
-    centres = unit[choose_centres(kernel, unit, N_CENTRES)]
-    return [SparseProcess(kernel, unit, values, errors, centres)]
+    rows = draw_subset(len(centred_points))
+    kernel, _ = _find_most_probable_kernel(
+        centred_points[rows], values[rows], noise_variances[rows]
+    )
+    centres = centred_points[choose_centres(kernel, centred_points, N_CENTRES)]
+    return [SparseProcess(kernel, centred_points, values, noise_variances, centres)]
 
 
 def draw_subset(n_samples: int) -> np.ndarray:
@@ -536,13 +582,13 @@ def draw_subset(n_samples: int) -> np.ndarray:
 
 
 def _find_most_probable_kernel(
-    unit: np.ndarray, values: np.ndarray, errors: np.ndarray
+    centred_points: np.ndarray, values: np.ndarray, noise_variances: np.ndarray
 ) -> tuple[Any, np.ndarray]:
     """Find the covariance of a process with its most probable hyperparameters.
 
     Parameters
     ----------
-    unit, values, errors
+    centred_points, values, noise_variances
         See `_draw_processes`.
 
     Returns
@@ -559,10 +605,11 @@ def _find_most_probable_kernel(
     )
 
     # Start at the centre of the prior. The means have the variance 1, which is the sum
-    # of the variances of the signal and of the noise.
-    d = unit.shape[1]
+    # of the variances of the signal and of the noise. The distance of two points grows
+    # with sqrt(d), so the prior of the lengths does, too (H24).
+    d = centred_points.shape[1]
     log_length = LENGTH_LOG_MEAN + 0.5 * math.log(d)
-    signal = max(1 - errors.mean(), MIN_SIGNAL)
+    signal = max(1 - noise_variances.mean(), MIN_SIGNAL)
     # A coordinate of a point is uniform over a width of 1, so its variance is 1/12.
     # With this slope, the linear part has a prior variance of 1, like the means.
     slope = math.sqrt(12 / d)
@@ -571,12 +618,15 @@ def _find_most_probable_kernel(
         signal, lengths, (HYPERPARAMETER_BOUNDS, HYPERPARAMETER_BOUNDS), SMOOTHNESS
     )
 
-    # Find the most probable hyperparameters.
+    # Find the most probable hyperparameters. Making the process runs the optimiser,
+    # which stores the second derivatives in its attribute `curvature`.
     optimiser = _PosteriorOptimiser(
         mean=np.array([math.log(signal)] + [log_length] * d),
         sd=np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d),
     )
-    best = Process(kernel, unit, values, errors, optimizer=optimiser).kernel
+    best = Process(
+        kernel, centred_points, values, noise_variances, optimizer=optimiser
+    ).kernel
     return best, optimiser.curvature
 
 

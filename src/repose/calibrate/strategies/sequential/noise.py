@@ -32,7 +32,8 @@ from repose.common.numbers import format_significant
 REPLICATES = "replicates"
 USER_GIVEN = "noise_sd"
 ESTIMATED = "estimated from single runs"
-RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
+# An estimate from single runs needs at least this many of them for each parameter.
+MIN_RUNS_PER_PARAMETER = 4
 # Candidates for the fraction of the runs' variance that is noise. They are equally
 # probable a priori.
 NOISE_FRACTIONS = np.geomspace(1e-4, 1.0, 9)
@@ -77,16 +78,18 @@ class Noise(NamedTuple):
 def find_noise(
     observed: ObservedSamples, names: Sequence[str], noise_sd: Mapping[str, float]
 ) -> Noise:
-    """Find the noise of a single run.
+    """Find the noise, which is the scatter of single runs about the mean of a sample.
 
-    The noise is estimated from replicates if there are enough. Otherwise the standard
-    deviation of each response is that of `noise_sd`, or else an estimate from single
-    runs. If all replicates of each sample are equal, they count as one run. Such
-    replicates come from a simulator without random numbers, or from rounded results.
+    The noise is estimated from replicates (further runs of a sample) if there are
+    enough. Otherwise the standard deviation of each response is that of `noise_sd`, or
+    else an estimate from single runs. If all replicates of each sample are equal, they
+    count as one run. Such replicates come from a simulator without random numbers, or
+    from rounded results.
 
     Parameters
     ----------
     observed : ObservedSamples
+        The runs so far.
     names : sequence of str
         Names of the k responses.
     noise_sd : mapping
@@ -100,84 +103,99 @@ def find_noise(
     Raises
     ------
     InputError
-        If replicates, `noise_sd` and single runs are all too few.
+        If no run is good. Or if there are too few replicates, a response is missing in
+        `noise_sd`, and there are too few single runs for an estimate of it.
     """
-    if len(observed.unit) == 0:
+    if len(observed.unit_points) == 0:
         raise InputError(
             source="runs",
             key="samples with a good run",
             value=0,
             allowed="runs that did not fail",
         )
-    runs_of_samples = observed.counts
-    has_replicates = observed.degrees_of_freedom > len(names)
-    if has_replicates:
+    # First choice: replicates. `ObservedSamples.estimate_noise` raises an error for
+    # fewer degrees of freedom than this.
+    runs_per_sample = observed.counts
+    has_enough_replicates = observed.degrees_of_freedom > len(names)
+    if has_enough_replicates:
         try:
             covariance = observed.estimate_noise()
             return Noise(covariance, dict.fromkeys(names, REPLICATES))
         except ValueError:
-            # The replicates do not show the noise, so count them as one run.
-            runs_of_samples = np.ones_like(runs_of_samples)
+            # The replicates are equal, so a sample tells as much as a single run.
+            runs_per_sample = np.ones_like(runs_per_sample)
 
-    # Without replicates the correlation is unknown, so treat the responses separately.
+    # Otherwise find the noise of each response separately, because the correlation of
+    # two responses is unknown without replicates.
     if not set(names) <= set(noise_sd):
-        _require_enough_samples(observed, names, has_replicates)
+        _require_enough_samples(observed, names, has_enough_replicates)
     sources = {}
     variances = []
     for k, name in enumerate(names):
         if name in noise_sd:
             sources[name] = USER_GIVEN
-            variances.append(noise_sd[name] ** 2)
+            variance = noise_sd[name] ** 2
         else:
             sources[name] = ESTIMATED
             variance = estimate_nugget(
-                observed.unit, observed.means[:, k], shares=1.0 / runs_of_samples
+                observed.unit_points,
+                observed.means[:, k],
+                relative_variances=1.0 / runs_per_sample,
             )
-            variances.append(variance)
+        variances.append(variance)
     return Noise(np.diag(variances), sources)
 
 
 def _require_enough_samples(
-    observed: ObservedSamples, names: Sequence[str], has_replicates: bool
+    observed: ObservedSamples, names: Sequence[str], has_enough_replicates: bool
 ) -> None:
-    """Refuse too few samples for an estimate of the noise from single runs.
+    """Raise an error if the samples are too few to estimate the noise without replicates.
 
-    The error names all ways to determine the noise.
+    The message names all three ways to determine the noise, which are described in
+    `find_noise`.
 
     Parameters
     ----------
     observed : ObservedSamples
+        The runs so far.
     names : sequence of str
         Names of the responses.
-    has_replicates : bool
-        Whether there are enough replicates, which do not show the noise.
+    has_enough_replicates : bool
+        Whether the number of replicates is large enough. If so, the noise could not be
+        estimated because their results are equal or proportional.
 
     Raises
     ------
     InputError
         If there are too few samples.
     """
-    n_samples, n_parameters = observed.unit.shape
-    fewest = RUNS_PER_PARAMETER * n_parameters
-    if n_samples >= fewest:
+    n_samples, n_parameters = observed.unit_points.shape
+    min_samples = MIN_RUNS_PER_PARAMETER * n_parameters
+    if n_samples >= min_samples:
         return
-    key = "runs beyond the first of a sample"
-    value: object = observed.degrees_of_freedom
-    needed = (
-        f"at least {len(names) + 1}: replicates, rows with the same parameters, "
-        "determine the noise"
-    )
-    if has_replicates:
-        alike = ", ".join(
+
+    value: object
+    if has_enough_replicates:
+        equal_responses = ", ".join(
             name
-            for name, is_alike in zip(names, observed.alike, strict=True)
-            if is_alike
+            for name, is_equal in zip(names, observed.equal_in_replicates, strict=True)
+            if is_equal
         )
         key = "difference between the runs of a sample"
-        value = 0 if alike else "proportional in several responses"
+        # If no response is equal in all replicates, their covariance is singular.
+        value = 0 if equal_responses else "proportional in several responses"
         needed = (
-            f"other results of {alike or 'each response'} in the runs of a sample: give "
-            "each run other random numbers, and do not round the results"
+            f"results of {equal_responses or 'each response'} that differ between the "
+            "runs of a sample: give each run different random numbers, and do not round "
+            "the results"
+        )
+    else:
+        key = "runs beyond the first of a sample"
+        value = observed.degrees_of_freedom
+        # `find_noise` requires more degrees of freedom than responses.
+        needed = (
+            f"at least {len(names) + 1}: replicates, rows with the same parameters, "
+            "determine the noise"
         )
     raise InputError(
         source="runs",
@@ -185,36 +203,45 @@ def _require_enough_samples(
         value=value,
         allowed=(
             f"{needed}; or targets.NAME.noise_sd for each response; or at least "
-            f"{fewest} samples, for an estimate of it"
+            f"{min_samples} samples, for an estimate of it"
         ),
     )
 
 
-def estimate_nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
-    """Estimate the variance of a run about a smooth surface.
+def estimate_nugget(
+    unit_points: np.ndarray, means: np.ndarray, relative_variances: np.ndarray
+) -> float:
+    """Estimate the nugget, the variance of a single run about a smooth surface.
 
-    The estimate is the mean over `NOISE_FRACTIONS`, weighted by their evidence.
+    The estimate is the mean over `NOISE_FRACTIONS`, weighted by their evidence (how
+    probable the means are with this noise).
 
     Parameters
     ----------
-    unit : array (n, d)
+    unit_points : array (n, d)
         Samples in the unit cube.
     means : array (n,)
         Their means of a response.
-    shares : array (n,)
-        Variance of each of the means, in variances of a single run.
+    relative_variances : array (n,)
+        Variance of each mean divided by that of a single run: 1 / number of runs.
     """
     # A proposal and its answer need the same estimate, which takes minutes with many
     # runs. So it is cached.
-    arrays = [np.ascontiguousarray(array, float) for array in (unit, means, shares)]
+    arrays = [
+        np.ascontiguousarray(array, float)
+        for array in (unit_points, means, relative_variances)
+    ]
     return _estimate_cached_nugget(
-        *(array.tobytes() for array in arrays), unit.shape[1]
+        *(array.tobytes() for array in arrays), unit_points.shape[1]
     )
 
 
 @lru_cache(maxsize=32)
 def _estimate_cached_nugget(
-    unit_bytes: bytes, means_bytes: bytes, fractions_bytes: bytes, d: int
+    unit_points_bytes: bytes,
+    means_bytes: bytes,
+    relative_variances_bytes: bytes,
+    d: int,
 ) -> float:
     """Compute the result of `estimate_nugget` from arrays that are passed as bytes.
 
@@ -222,10 +249,10 @@ def _estimate_cached_nugget(
 
     Parameters
     ----------
-    unit_bytes, means_bytes, fractions_bytes : bytes
-        The arrays of `estimate_nugget`.
+    unit_points_bytes, means_bytes, relative_variances_bytes : bytes
+        The arrays of `estimate_nugget`, of 64-bit floats.
     d : int
-        Number of parameters, the columns of `unit`.
+        Number of parameters, the columns of `unit_points`.
 
     Returns
     -------
@@ -234,54 +261,74 @@ def _estimate_cached_nugget(
     """
     from repose.calibrate.surrogates.process import Process, make_smooth_kernel
 
-    unit = np.frombuffer(unit_bytes).reshape(-1, d)
+    # `frombuffer` reads 64-bit floats, which `estimate_nugget` has written.
+    unit_points = np.frombuffer(unit_points_bytes).reshape(-1, d)
     means = np.frombuffer(means_bytes)
-    shares = np.frombuffer(fractions_bytes)
+    relative_variances = np.frombuffer(relative_variances_bytes)
 
     # Scale the means to variance 1, unless their differences are mere rounding errors.
+    # A candidate, which is a fraction of this variance, is then a variance itself.
     rounding_error = ROUNDING_FRACTION * float(np.abs(means).max())
     scale = max(float(means.std()), rounding_error, MIN_SCALE)
     values = (means - means.mean()) / scale
 
-    # Fit a smooth process for each candidate of the noise, and weight the candidates by
-    # the evidence of the fit.
+    # Fit a smooth process for each candidate of the noise. The argument `errors` of a
+    # process takes the variances of the means.
     kernel = make_smooth_kernel(
-        1.0, np.ones(unit.shape[1]), (HYPERPARAMETER_BOUNDS, LENGTH_BOUNDS), SMOOTHNESS
+        1.0,
+        np.ones(unit_points.shape[1]),
+        (HYPERPARAMETER_BOUNDS, LENGTH_BOUNDS),
+        SMOOTHNESS,
     )
-    if len(unit) > MAX_EXACT_SAMPLES:
-        log_evidence = _interpolate_evidence(kernel, unit, values, shares)
+    if len(unit_points) > MAX_EXACT_SAMPLES:
+        log_evidence = _interpolate_evidence(
+            kernel, unit_points, values, relative_variances
+        )
         candidates = FINE_NOISE_FRACTIONS
     else:
         log_evidence = np.array(
             [
-                Process(kernel, unit, values, errors=share * shares).log_likelihood
-                for share in NOISE_FRACTIONS
+                Process(
+                    kernel,
+                    unit_points,
+                    values,
+                    errors=noise_fraction * relative_variances,
+                ).log_likelihood
+                for noise_fraction in NOISE_FRACTIONS
             ]
         )
         candidates = NOISE_FRACTIONS
+
+    # Weight the candidates by the evidence of the fits, and undo the scaling.
+    # Subtracting the maximum avoids an overflow.
     weights = np.exp(log_evidence - log_evidence.max())
     return float(weights @ candidates / weights.sum()) * scale**2
 
 
 def _interpolate_evidence(
-    kernel: Any, unit: np.ndarray, values: np.ndarray, shares: np.ndarray
+    kernel: Any,
+    unit_points: np.ndarray,
+    values: np.ndarray,
+    relative_variances: np.ndarray,
 ) -> np.ndarray:
     """Compute the log evidence of `FINE_NOISE_FRACTIONS`, for many samples.
 
-    To save time, variance and lengths are fitted to a subset of the samples. The
-    evidence is that of all samples. Many samples can distinguish noise fractions that
-    lie between the `NOISE_FRACTIONS`, so a spline interpolates the evidence between
-    them.
+    The evidence is the probability density of the samples, given the noise. Many
+    samples can distinguish noise fractions that lie between the `NOISE_FRACTIONS`, so a
+    spline interpolates the evidence between them. To save time, the variance and the
+    lengths of the kernel are fitted to a subset of the samples, but the evidence is
+    computed from all samples.
 
     Parameters
     ----------
     kernel : kernel of scikit-learn
-    unit : array (n, d)
+        The covariance of the surface, with start values for its variance and lengths.
+    unit_points : array (n, d)
         Samples in the unit cube.
     values : array (n,)
         Their means of a response, scaled to variance 1.
-    shares : array (n,)
-        Variance of each of the means, in variances of a single run.
+    relative_variances : array (n,)
+        Variance of each mean divided by that of a single run: 1 / number of runs.
 
     Returns
     -------
@@ -292,14 +339,18 @@ def _interpolate_evidence(
 
     from repose.calibrate.surrogates.process import Process
 
-    rows = draw_subset(len(unit))
+    rows = draw_subset(len(unit_points))
     log_evidence = []
-    for share in NOISE_FRACTIONS:
-        errors = share * shares
+    for noise_fraction in NOISE_FRACTIONS:
+        noise_variances = noise_fraction * relative_variances
         # The fit to the subset finds variance and lengths. With these, the evidence of
-        # all samples needs no further fit.
-        fit = Process(kernel, unit[rows], values[rows], errors=errors[rows])
-        process = Process(fit.kernel, unit, values, errors=errors, optimizer=None)
+        # all samples needs no further fit. The argument `errors` takes variances.
+        fit = Process(
+            kernel, unit_points[rows], values[rows], errors=noise_variances[rows]
+        )
+        process = Process(
+            fit.kernel, unit_points, values, errors=noise_variances, optimizer=None
+        )
         log_evidence.append(process.log_likelihood)
     return CubicSpline(np.log(NOISE_FRACTIONS), log_evidence)(
         np.log(FINE_NOISE_FRACTIONS)

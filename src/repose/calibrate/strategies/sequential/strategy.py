@@ -41,8 +41,11 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
 NEAREST_REMARK = "the answer is the nearest"
-NO_RUN_AT_END_REMARK = "there is no run at an end of a range where the targets may be met, so simulate there"
-# A sentence for each reason to stop of `Advice`.
+NO_RUN_AT_END_REMARK = (
+    "there is no run at an end of a range where the targets may be met, so simulate "
+    "there"
+)
+# A sentence for each value of `Advice.stop`, the reason to stop.
 STOP_SENTENCES = {
     "probability": "the answer meets the targets with the requested probability",
     "out_of_reach": f"probably no parameter set meets the targets: {NEAREST_REMARK}",
@@ -52,8 +55,11 @@ STOP_SENTENCES = {
         "too large"
     ),
 }
-# Notes that go into the summary of the answer.
+# Notes of `_describe_state` that go into the summary of the answer.
 SUMMARY_NOTES = ("answer", "probability", "stop", "needed", "in_reach", "nearest")
+# Before another start, the responses are checked only if there are at least this many
+# good samples for each failed one.
+MIN_GOOD_PER_FAILED = 2
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
@@ -69,24 +75,29 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     Returns
     -------
     Batch or Answer
+        The first batch, a further batch, another first batch (if too many samples
+        failed), or the answer.
     """
     if data.empty:
         return _propose_start(study, data, notes={})
     space = study.parameters
-    section = study.settings.sequential
+    settings = study.settings.sequential
     goal = _make_goal(study)
     observed = arrange_runs(data, space, study.targets)
     try:
-        # The noise is None if it can be estimated from replicates.
+        # None means that the model estimates the noise from replicates.
         noise = find_known_noise(study, observed)
         advice = advise(
-            observed, goal, section, len(data), _make_generator(study, data), noise
+            observed, goal, settings, len(data), _make_generator(study, data), noise
         )
     except (InputError, ValueError) as error:
+        # The runs do not determine a model. This raises an error if further runs would
+        # not help.
         return _propose_another_start(study, data, observed, error)
     notes = _describe_state(advice, study)
     if advice.stop is None:
-        samples = samples_of(space, advice.batch, section.seeds, find_next_sample(data))
+        first_number = find_next_sample(data)
+        samples = samples_of(space, advice.batch, settings.seeds, first_number)
         return Batch(samples, notes)
 
     # There is a reason to stop, so return the answer.
@@ -102,30 +113,44 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
 
 
 def _propose_start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -> Batch:
-    """Make the first batch: samples all over the ranges, up to the budget.
+    """Make the first batch, whose samples are spread over the whole ranges.
 
     Parameters
     ----------
     study : Study
         The study.
     data : pandas.DataFrame
-        The runs so far, if an earlier start failed.
+        The runs so far. It is empty, unless most samples of an earlier start failed.
     notes : mapping
-        Notes of the batch.
+        The notes of the batch, as in `Batch`.
+
+    Returns
+    -------
+    Batch
+        As many samples as the key `start_samples` says, but no more than the budget
+        allows.
     """
     space = study.parameters
-    section = study.settings.sequential
-    unit = make_start(space, section, study.settings.design.seed + len(data))
-    n_samples = (section.most_pours - len(data)) // section.seeds
-    first = 1 if data.empty else find_next_sample(data)
-    samples = samples_of(space, unit[:n_samples], section.seeds, first)
+    settings = study.settings.sequential
+    # With the number of runs in the seed of the random numbers, another start has other
+    # points.
+    random_seed = study.settings.design.seed + len(data)
+    unit_points = make_start(space, settings, random_seed)
+    # `most_pours` is the budget of runs, and `seeds` the number of runs per sample.
+    n_affordable = (settings.most_pours - len(data)) // settings.seeds
+    first_number = 1 if data.empty else find_next_sample(data)
+    samples = samples_of(
+        space, unit_points[:n_affordable], settings.seeds, first_number
+    )
     return Batch(samples, notes)
 
 
 def _propose_another_start(
     study: Study, data: pd.DataFrame, observed: ObservedSamples, error: ValueError
 ) -> Batch:
-    """Make another first batch if the good samples are too few for a model.
+    """Propose a further batch over the whole ranges if too few samples are good.
+
+    It is for runs to which no model can be fitted.
 
     Parameters
     ----------
@@ -146,18 +171,21 @@ def _propose_another_start(
     ------
     InputError
         If enough samples are good, so that the model failed for another reason, or if
-        the budget does not allow another first batch.
+        the budget does not allow a further sample.
     """
-    section = study.settings.sequential
+    settings = study.settings.sequential
     n_failed = len(observed.failed)
-    n_good = len(observed.unit)
-    # First look for faults in the responses. If many samples failed, skip this check,
-    # because equal responses may then be a coincidence.
-    if n_good >= 2 * n_failed:
+    n_good = len(observed.unit_points)
+    # First check the responses. If many samples failed, skip this check, because equal
+    # responses of the few others may be a coincidence.
+    if n_good >= MIN_GOOD_PER_FAILED * n_failed:
         check_responses(data, study.targets)
-    has_too_few = n_good < section.start_samples
-    fits_budget = len(data) + section.seeds <= section.most_pours
-    if not (has_too_few and fits_budget):
+    has_too_few = n_good < settings.start_samples
+    # `_propose_start` makes fewer samples if the budget is nearly used up, but it needs
+    # at least one, which has `seeds` runs.
+    can_afford_sample = len(data) + settings.seeds <= settings.most_pours
+    if not (has_too_few and can_afford_sample):
+        # The new error describes the old one, so leave the old one out of the message.
         raise _make_input_error(error, data, study.targets) from None
     why = (
         f"{n_failed} samples failed, and the other {n_good} are too few for a model, "
@@ -183,14 +211,15 @@ def give_answer(
     data : pandas.DataFrame
         The runs so far.
     point : numpy.ndarray, (d,), optional
-        The answer in the unit cube. By default it is the point most likely to meet the
-        targets, or the nearest one if none is predicted to meet them.
+        The answer in the unit cube, if it is already chosen from the same runs. By
+        default it is the point most likely to meet the targets, or the nearest one if
+        none is predicted to meet them.
     why : str, optional
         Why no more runs are needed.
     notes : mapping, optional
         Further results, as in `Answer`.
     model : Kriging, optional
-        Model of these runs, if it has already been fitted.
+        The model of the same runs, if it is already fitted.
 
     Returns
     -------
@@ -209,17 +238,19 @@ def give_answer(
             model = Kriging(observed, find_known_noise(study, observed))
         except ValueError as error:
             raise _make_input_error(error, data, targets) from None
+    # Find the best points, and further parameter sets that meet the targets.
     goal = _make_goal(study)
     ranking = rank_points(model, goal, observed, _make_generator(study, data))
     others = find_alternatives(ranking, model, targets, study.settings.miga)
 
-    # Choose the answer, and explain this choice.
+    # Choose the answer if the caller has not, and explain this choice.
     all_notes = dict(notes or {})
     reasons = [why]
     if point is None:
         point = ranking.best
-        # If no point is predicted to meet the targets, the most probable point is
-        # merely the most uncertain one, and the nearest point is a better answer.
+        # If no point is predicted to meet the targets, the point with the highest
+        # probability is merely the one with the most uncertain prediction. Then the
+        # nearest point is a better answer.
         if no_point_meets(model, goal, ranking):
             point = find_nearest(model, goal, observed, ranking.points)
             if not _are_ends_simulated((point, ranking.best), observed):
@@ -227,16 +258,17 @@ def give_answer(
                 all_notes["stop"] = ENDS_NOT_SIMULATED
             reasons.append(NEAREST_REMARK)
 
-    # Predict the responses of the answer.
-    unit = point[None]
-    mean, covariance = model.predict(unit)
-    checks = study.settings.sequential.checks
+    # Predict the responses of the answer. The functions take arrays of points, so make
+    # an array of this single one.
+    points = point[None]
+    mean, covariance = model.predict(points)
+    n_checks = study.settings.sequential.checks
     return Answer(
-        values=space.values(unit)[0],
+        values=space.values(points)[0],
         mean=mean[0],
         covariance=covariance[0],
         probability=_compute_probabilities(mean, covariance, targets, space),
-        samples=samples_of(space, unit, checks, find_next_sample(data)),
+        samples=samples_of(space, points, n_checks, find_next_sample(data)),
         why="; ".join(reasons),
         others=space.values(others.points),
         others_mean=others.mean,
@@ -264,10 +296,24 @@ def _compute_probabilities(
 ) -> dict[str, float]:
     """Compute the probabilities that an answer meets the targets.
 
-    `mean` (1, k) and `covariance` (1, k, k) are those of its prediction. The keys are
-    those of the attribute `probability` of `Answer`.
+    Parameters
+    ----------
+    mean : numpy.ndarray, (1, k)
+        Predicted mean responses of the answer.
+    covariance : numpy.ndarray, (1, k, k)
+        Covariance of these predictions.
+    targets : Targets
+        The targets of the study.
+    space : ParameterSpace
+        The parameters of the study. They do not change the result.
+
+    Returns
+    -------
+    dict
+        The attribute `probability` of `Answer`.
     """
     probabilities = {}
+    # Each tolerance in percent has its own name in the result.
     for percent, column in WITHIN_COLUMNS.items():
         goal = Goal.from_targets(targets, percent, space)
         probabilities[column] = float(goal.probability(mean, covariance)[0])
@@ -304,7 +350,7 @@ def _make_input_error(
 def arrange_runs(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> ObservedSamples:
-    """Arrange the runs as arrays, sample by sample.
+    """Convert the table of runs to arrays with a row for each sample.
 
     Parameters
     ----------
@@ -322,7 +368,8 @@ def arrange_runs(
         The good samples with their runs, and the points of the failed samples.
     """
     names = list(targets.names)
-    # Number the samples from 0, in the order of their first runs.
+    # Number the samples from 0, in the order of their first runs. All arrays below have
+    # the samples in this order.
     sample_index, samples = pd.factorize(data["sample"])
     runs_of_sample = np.bincount(sample_index)
 
@@ -330,23 +377,25 @@ def arrange_runs(
     # NaN where a response is missing, or where a sample has fewer runs than others.
     has_response = data[names].notna().any(axis=1).to_numpy()
     run_index = data[has_response].groupby("sample").cumcount().to_numpy()
-    most_runs = int(run_index.max(initial=0)) + 1
-    values = np.full((len(samples), most_runs, len(names)), np.nan)
+    max_runs = int(run_index.max(initial=0)) + 1
+    values = np.full((len(samples), max_runs, len(names)), np.nan)
     responses = data.loc[has_response, names].to_numpy(float)
     values[sample_index[has_response], run_index] = responses
 
-    # A sample needs at least half of the runs of each bench test, as in
-    # `repose.calibrate.runs.summarise_runs`.
+    # A sample is good if it has each response in at least half of its runs, and all
+    # responses in at least one. `repose.calibrate.runs.summarise_runs` has the same
+    # rule for each bench test.
     is_finite = np.isfinite(values)
     n_finite = is_finite.sum(axis=1)  # (samples, responses)
     has_half_of_runs = (2 * n_finite >= runs_of_sample[:, None]).all(axis=1)
     has_complete_run = is_finite.all(axis=2).any(axis=1)
     is_good = has_complete_run & has_half_of_runs
 
-    # All runs of a sample have the same parameters.
+    # All runs of a sample have the same parameters, so take them from its first run.
+    # This also gives the order of `sample_index`.
     parameter_sets = data.drop_duplicates("sample")[list(space.names)]
-    unit = space.unit(parameter_sets.to_numpy(float))
-    return ObservedSamples(unit[is_good], values[is_good], unit[~is_good])
+    unit_points = space.unit(parameter_sets.to_numpy(float))
+    return ObservedSamples(unit_points[is_good], values[is_good], unit_points[~is_good])
 
 
 def estimate_noise(study: Study, observed: ObservedSamples) -> Noise:
@@ -365,7 +414,7 @@ def find_known_noise(study: Study, observed: ObservedSamples) -> np.ndarray | No
 
 
 def _make_goal(study: Study) -> Goal:
-    """Return the targets within the tolerance of the section."""
+    """Return the targets within the tolerance of the settings."""
     tolerance = study.settings.sequential.tolerance_percent
     return Goal.from_targets(study.targets, tolerance, study.parameters)
 
@@ -386,7 +435,7 @@ def _make_generator(study: Study, data: pd.DataFrame) -> np.random.Generator:
 
 
 def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
-    """Describe the state of the search, as notes of a proposal.
+    """Make the notes of a proposal, which describe the state of the search.
 
     Parameters
     ----------
@@ -398,12 +447,17 @@ def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
     Returns
     -------
     dict
-        Plain values by name, as the attributes of `Advice`. The entry `row` is the row
-        of this proposal in the table of batches.
+        Numbers and text that JSON can hold. `probability`, `reachable`, `needed` and
+        `stop` are the attributes of `Advice`. `in_reach` is the probability that any
+        parameter set meets the targets. `nearest` has the smallest deviation F (Eq. 11
+        of the paper) of any parameter set and its error. `answer` has the parameters,
+        and `why` explains in a sentence how the search goes on. `row` is the row of
+        this proposal in the table of batches, which repeats some of these values.
     """
     space = study.parameters
     values = space.values(advice.answer[None])[0].tolist()
     parameters = dict(zip(space.names, values, strict=True))
+    # These values are both notes and columns of the table of batches.
     state = {
         "probability": advice.probability,
         "reachable": advice.reachable,
@@ -420,8 +474,8 @@ def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
     return {
         **state,
         "nearest": {
-            "deviation": advice.reach.nearest,
-            "error": advice.reach.error,
+            "deviation": advice.reach.deviation,
+            "error": advice.reach.deviation_sd,
         },
         "answer": parameters,
         "row": {**state, **predictions, **parameters},
@@ -430,7 +484,7 @@ def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
 
 
 def _explain(advice: Advice) -> str:
-    """Describe why the search stops, or how it continues."""
+    """Explain in words why the search stops, or how it continues."""
     if advice.stop is None:
         return f"{len(advice.batch)} more samples are poured"
     why = STOP_SENTENCES[advice.stop]
@@ -443,12 +497,12 @@ def _explain(advice: Advice) -> str:
 def _describe_end(
     notes: Mapping[str, Any], study: Study, data: pd.DataFrame
 ) -> dict[str, Any]:
-    """Describe the end of the search, as notes for the summary and the report.
+    """Make the notes of the answer for its summary and the report.
 
     Parameters
     ----------
     notes : mapping
-        Notes of the last proposal, made by `_describe_state`.
+        The result of `_describe_state` for the last proposal.
     study : Study
         The study.
     data : pandas.DataFrame
@@ -457,16 +511,16 @@ def _describe_end(
     Returns
     -------
     dict
-        `summary`, `steps` (a sentence for each step of the search), and `note` if the
-        targets are out of reach.
+        `summary`, a mapping; `steps`, a sentence for each step of the search; and, if
+        the targets are out of reach, `note`, a text that says how far.
     """
-    section = study.settings.sequential
-    tolerance = section.tolerance_percent
+    settings = study.settings.sequential
+    tolerance = settings.tolerance_percent
     summary = {name: notes[name] for name in SUMMARY_NOTES}
     summary["tolerance_percent"] = tolerance
     steps = (
-        f"Start: {section.start_samples} parameter sets all over the ranges, each "
-        f"poured {section.seeds} times.",
+        f"Start: {settings.start_samples} parameter sets all over the ranges, each "
+        f"poured {settings.seeds} times.",
         f"Batches: each around the best point so far; {len(data)} pours in total. They "
         f"stopped: {notes['why']}.",
         "Model: kriging of the samples' means with their known errors. The answer lies "
@@ -474,13 +528,14 @@ def _describe_end(
         f"{notes['probability']:.2f}.",
     )
     end: dict[str, Any] = {"summary": summary, "steps": steps}
+    # The reason to stop is one of the keys of `STOP_SENTENCES`.
     if notes["stop"] == "out_of_reach":
-        end["note"] = _describe_distance(notes, study.targets)
+        end["note"] = _describe_deviations(notes, study.targets)
     return end
 
 
-def _describe_distance(notes: Mapping[str, Any], targets: Targets) -> str:
-    """Describe how close the answer comes to targets that are out of reach.
+def _describe_deviations(notes: Mapping[str, Any], targets: Targets) -> str:
+    """Describe in words how close the answer comes to targets that are out of reach.
 
     Parameters
     ----------
@@ -492,15 +547,18 @@ def _describe_distance(notes: Mapping[str, Any], targets: Targets) -> str:
     Returns
     -------
     str
-        Two sentences.
+        A sentence with the probability that the targets can be met, and one with the
+        deviation of the answer from each target.
     """
+    # `_describe_state` gives each response these two columns.
     row = notes["row"]
     deviations = []
     for target in targets:
         mean = row[f"{target.name}_mean"]
         error = row[f"{target.name}_error"]
+        # `whole` is the number that counts as 100 % of the target, above 0.
         deviation_percent = 100 * (mean - target.aim) / target.whole
-        error_percent = abs(100 * error / target.whole)
+        error_percent = 100 * error / target.whole
         symbol = target.response.symbol
         deviations.append(
             f"{deviation_percent:+.1f} ± {error_percent:.1f} % off the target of "
