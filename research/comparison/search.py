@@ -44,7 +44,7 @@ def judged(
     the choice among all feasible points of the search.
     """
     fitness = log.fitness
-    feasible = log.fitness <= log.objective.infeasible
+    feasible = log.fitness <= log.objective.infeasible_offset
     found = log.points[feasible]
     values = fitness[feasible]
     kept = (
@@ -123,7 +123,9 @@ def compared(
             took.append({**labels, "seconds": seconds})
             courses.append(curve(log.fitness, at))
             bests[name].append(best)
-        curves.append(_curve_table(name, at, np.array(courses), objective.infeasible))
+        curves.append(
+            _curve_table(name, at, np.array(courses), objective.infeasible_offset)
+        )
     runs = pd.DataFrame(rows)
     return {
         "search": pd.concat(curves),

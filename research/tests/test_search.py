@@ -51,7 +51,7 @@ def test_log_counts_every_point_and_ends_when_they_are_used_up():
     points = np.zeros((4, 6))
     points[:, 0] = [0, 0.1, 0.2, 1]
     # F = |3 x| / 2 inside the box; at x = 1 it is 1.5, outside by 1
-    expected = [0, 0.15, 0.3, 1.5 + OBJECTIVE.infeasible + 10 * 1.0]
+    expected = [0, 0.15, 0.3, 1.5 + OBJECTIVE.infeasible_offset + 10 * 1.0]
     assert log(points) == pytest.approx(expected)
     with pytest.raises(Spent):
         log(points)

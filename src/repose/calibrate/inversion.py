@@ -199,7 +199,7 @@ def _search_parameters(
             space.dimensions,
             settings,
             preference,
-            violation=_make_violation_function(space, region),
+            compute_violation=_make_violation_function(space, region),
         )
 
     region = None

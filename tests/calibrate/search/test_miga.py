@@ -114,7 +114,7 @@ def test_the_tournament_is_as_published():
     # The best of p by rank wins a draw of three with probability 1 - (1 - 1/p)^3.
     search = search_of(2, islands=50, population=10)
     search._draw_round()
-    assert np.mean(search._winners == 0) == pytest.approx(1 - 0.9**3, abs=0.01)
+    assert np.mean(search._winning_ranks == 0) == pytest.approx(1 - 0.9**3, abs=0.01)
 
 
 def test_mutation_is_as_published():

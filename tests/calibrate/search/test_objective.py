@@ -60,7 +60,7 @@ def test_fitness_of_four_targets_with_weights():
     F, V = weighted(np.array([[1.5, 1.0, 0.0, 1.25], [1.0, 1.0, 3.0, 1.0]]))
     np.testing.assert_allclose(F, [0.25 + 0.25 + 0.5, 0.5])
     np.testing.assert_allclose(V, [0.0, 0.5])  # of whatever weight: a range is a range
-    assert weighted.infeasible == 7.5
+    assert weighted.infeasible_offset == 7.5
     corner, just_outside = weighted.fitness(
         *weighted(np.array([[0.0, 2, 2, 0], [1, 1, 1, 2 + 1e-9]]))
     )
@@ -98,7 +98,7 @@ def test_a_prior_is_a_small_term_that_no_infeasible_point_makes_up_for():
     expected = PRIOR_WEIGHT / 2 * np.array([0, 1, 225])
     np.testing.assert_allclose(preference(points), expected, atol=1e-12)
     assert preference.largest == pytest.approx(preference(points)[2])
-    objective = objective_of((0.0,), (1.0,), margin=preference.largest)
+    objective = objective_of((0.0,), (1.0,), largest_preference=preference.largest)
     F, V = objective(np.array([[0.0], [1.0 + 1e-9]]))
     feasible_far, infeasible_near = objective.fitness(F, V) + preference(points[[2, 0]])
     assert feasible_far < infeasible_near

@@ -83,9 +83,12 @@ class MIGA:
         self.generations = self.settings.generations
         self.mutation_probability = self.settings.mutation_probability
         self.mutation_amplitude = self.settings.mutation_amplitude
+        # `RandomState` never changes its random numbers, so the search stays
+        # reproducible with later versions of NumPy.
         self.random = np.random.RandomState(self.settings.seed)
         # Row of the first individual of each island in `_points`, (islands, 1).
-        self._first = population * np.arange(islands)[:, None]
+        self._first_rows = population * np.arange(islands)[:, None]
+        # The paper scales parameters to [-1, 1], unlike the unit cube of other modules.
         self._points = self.random.uniform(-1, 1, (islands * population, dimensions))
         self.best: np.ndarray | None = None
         self.best_fitness = math.inf
@@ -101,9 +104,10 @@ class MIGA:
         return self._points
 
     def tell(self, fitness: np.ndarray) -> None:
-        """Breed the next generation from the fitness of the current one.
+        """Take the fitness of the current generation, and breed the next one.
 
-        Afterwards `ask` returns the next generation. All attributes are updated.
+        Afterwards `ask` returns the next generation. The attributes `best`,
+        `best_fitness`, `generation` and `evaluations` are updated.
 
         Parameters
         ----------
@@ -120,14 +124,16 @@ class MIGA:
             self.best = points[fitness.argmin()].copy()
             self.best_fitness = float(fitness.min())
 
-        # Find the number of this generation within its round. Each round begins with
-        # new random numbers.
+        # A round has `generations` generations, and ends with a migration. `step` is
+        # the number of this generation within its round, from 0. At the first one, draw
+        # the random numbers of the whole round.
         step = self.generation % self.generations
         if step == 0:
             self._draw_round()
         self.generation += 1
 
-        # Migrate at the end of a round.
+        # `generation` now also counts this generation, so it is a multiple of
+        # `generations` at the end of a round.
         order = self._rank(fitness)
         if self.generation % self.generations == 0:
             points, fitness = self._migrate(points, fitness, order)
@@ -135,7 +141,9 @@ class MIGA:
         self._points = self._breed(points, order, step)
 
     def _breed(self, points: np.ndarray, order: np.ndarray, step: int) -> np.ndarray:
-        """Breed the next generation.
+        """Breed the next generation by selection, crossover and mutation.
+
+        The random numbers are those of the last call of `_draw_round`.
 
         Parameters
         ----------
@@ -144,19 +152,22 @@ class MIGA:
         order : array (islands, population)
             Rows of each island's individuals, best first.
         step : int
-            Number of the current generation within its round.
+            Number of the current generation within its round, from 0.
 
         Returns
         -------
         array (islands * population, dimensions)
+            The next generation.
         """
         islands, population, dimensions = self.shape
-        # Choose the two parents of each child by tournaments. Only ranks decide: the
-        # winner of a tournament has the smallest of its random ranks.
-        parents = points[order.take(self._winners[step] + self._first)]
+        # Choose the parents. An island has 2 * population tournaments, and each of them
+        # has drawn the rank of its winner. `take` treats `order` as flat, so
+        # `_first_rows` leads to the island. The first half of the winners are the first
+        # parents of the children, and the second half the second parents.
+        parents = points[order.take(self._winning_ranks[step] + self._first_rows)]
         children = self._cross(parents[:, :population], parents[:, population:], step)
+        # Mutate the children. Then move them back into the cube, in place.
         children += self._mutation[step]
-        # Mutate the children, and keep them inside the cube.
         np.minimum(children, 1.0, out=children)
         np.maximum(children, -1.0, out=children)
         self._keep_best(children, points[order[:, 0]])
@@ -170,7 +181,7 @@ class MIGA:
 
     def _cross(self, a: np.ndarray, b: np.ndarray, step: int) -> np.ndarray:
         """Cross parents a and b (islands, population, dimensions) arithmetically."""
-        return b + self._fraction[step] * (a - b)
+        return b + self._first_weights[step] * (a - b)
 
     def _keep_best(self, children: np.ndarray, best: np.ndarray) -> None:
         """Replace the first child of each island by its best individual, in place.
@@ -180,23 +191,30 @@ class MIGA:
         children[:, 0] = best
 
     def _draw_round(self) -> None:
-        """Draw all random numbers of one round.
+        """Draw all random numbers of one round, the generations between two migrations.
 
-        Drawing them together saves calls of the generator, which cost more than the
-        numbers. A round consists of the generations between two migrations.
+        They are stored in `_winning_ranks`, `_first_weights` and `_mutation`. One call
+        of the generator for many numbers takes much less time than a call for each
+        generation. The order of the calls decides which numbers a seed gives, so it
+        must not change.
         """
         islands, population, dimensions = self.shape
         generations = self.generations
-        # Each child has two parents, and each parent is the winner of a tournament.
+        # Each child has two parents, and each parent is the winner of a tournament. An
+        # individual takes part in a tournament by its rank in the order of fitness that
+        # `_rank` finds: rank 0 is the best of the island, so the smallest rank wins.
         ranks = self.random.randint(
             population,
             size=(self.settings.tournament, generations, islands, 2 * population),
         )
-        # The smallest rank wins. The shape is (generations, islands, 2 * population).
-        self._winners = ranks.min(axis=0)
+        self._winning_ranks = ranks.min(
+            axis=0
+        )  # (generations, islands, 2 * population)
         # A child is a weighted mean of its parents. This is the weight of the first
-        # one.
-        self._fraction = self.random.uniform(size=(generations, islands, population, 1))
+        # parent.
+        self._first_weights = self.random.uniform(
+            size=(generations, islands, population, 1)
+        )
         genes = (generations, islands, population, dimensions)
         is_mutated = self.random.uniform(size=genes) < self.mutation_probability
         change = self.mutation_amplitude * self.random.normal(size=genes)
@@ -206,7 +224,7 @@ class MIGA:
         """Sort each island; return rows (islands, population), best first."""
         islands, population, _ = self.shape
         by_island = fitness.reshape(islands, population)
-        return by_island.argsort(axis=1, kind="stable") + self._first
+        return by_island.argsort(axis=1, kind="stable") + self._first_rows
 
 
 def migrate(
@@ -259,7 +277,7 @@ def islands_ga(
     target: float | None = None,
     **settings: Any,
 ) -> Minimum:
-    """Minimise a function of whole populations with `MIGA`.
+    """Minimise a function with the multi-island genetic algorithm (`MIGA`).
 
     Parameters
     ----------
@@ -269,7 +287,7 @@ def islands_ga(
     bounds : array (dimensions, 2)
         Lowest and highest value of each coordinate.
     rounds : int
-        Number of migrations.
+        Number of rounds. Each has `generations` generations and ends with a migration.
     target : float, optional
         The search ends early as soon as a value is at most this one.
     **settings
@@ -294,7 +312,8 @@ def islands_ga(
     history = []
 
     def scale_to_bounds(points: np.ndarray) -> np.ndarray:
-        """Convert points from [-1, 1] to the bounds. Rounding must not exceed them."""
+        """Convert points from [-1, 1] to the bounds."""
+        # Rounding could lead slightly beyond the bounds, so clip the points.
         return np.clip(low + (points + 1) * half_width, low, high)
 
     # Each pass evaluates one generation, and breeds the next one.

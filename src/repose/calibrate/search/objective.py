@@ -23,7 +23,9 @@ from repose.calibrate.targets import Targets
 
 ArrayFunction = Callable[[np.ndarray], np.ndarray]
 Deviation = Callable[[np.ndarray], np.ndarray]
+# Penalty of a point outside the ranges, for each unit of V.
 VIOLATION_PENALTY = 10.0
+# Weight of the priors relative to F, see `Preference`.
 PRIOR_WEIGHT = 0.01
 # Fitness of a point that violates a constraint between parameters. It is larger than
 # the fitness of any allowed point. It is multiplied by 1 plus the violation, so of two
@@ -45,26 +47,33 @@ HISTORY_COLUMNS = (
 
 
 class Objective:
-    """Deviation F of k responses from their targets, in widths of the ranges.
+    """The function of k responses that the search minimises.
 
-    With the weight w_k, the target t_k and the range l_k to h_k of each response y_k:
+    It has two parts. F is the weighted sum of the deviations from the targets, in
+    widths of the ranges, and V the sum of the distances from the ranges. With the
+    weight w_k, the target t_k and the range l_k to h_k of each response y_k:
 
-        F = sum_k w_k |y_k - t_k| / (h_k - l_k)        (Eq. 11-12)
+        F = sum_k w_k |y_k - t_k| / (h_k - l_k)                     (Eq. 11-12)
+        V = sum_k max(l_k - y_k, y_k - h_k, 0) / (h_k - l_k)
 
     Parameters
     ----------
     targets : Targets
         The targets of the study.
-    margin : float
-        Added to the fitness of points outside the ranges: the largest cost of a point
-        inside (`Preference.largest`).
+    largest_preference : float
+        The largest cost that a preference adds to any point (`Preference.largest`). It
+        is added to the fitness of points outside the ranges, so that they stay worse
+        than all points inside.
     constrained : bool
         Whether points outside the ranges have a penalty. Without it the fitness is F
         everywhere.
     """
 
     def __init__(
-        self, targets: Targets, margin: float = 0.0, constrained: bool = True
+        self,
+        targets: Targets,
+        largest_preference: float = 0.0,
+        constrained: bool = True,
     ) -> None:
         """Set the arrays (k,) of the targets, and choose the penalty.
 
@@ -72,8 +81,8 @@ class Objective:
         ----------
         targets : Targets
             The targets of the study.
-        margin : float, optional
-            Largest cost that a preference adds to a point inside the ranges.
+        largest_preference : float, optional
+            The largest cost that a preference adds to any point.
         constrained : bool, optional
             Whether points outside the ranges have a penalty.
         """
@@ -82,18 +91,21 @@ class Objective:
         self.target = targets.aim
         self.weight = targets.weight
         self.width = self.high - self.low
-        # A point outside the ranges costs `infeasible`, and `penalty` per unit of V.
+        # The fitness of a point outside the ranges is F + `infeasible_offset` +
+        # `penalty` * V.
         if constrained:
-            # Inside the ranges F is at most the sum of the weights. With this penalty,
+            # Inside the ranges F is at most the sum of the weights. With this offset,
             # every point outside costs more than any point inside.
-            self.infeasible = float(self.weight.sum()) + margin
+            self.infeasible_offset = float(self.weight.sum()) + largest_preference
             self.penalty = VIOLATION_PENALTY
         else:
-            self.infeasible = 0.0
+            self.infeasible_offset = 0.0
             self.penalty = 0.0
 
     def __call__(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Compute F and the violation V of the ranges.
+        """Compute the deviation F from the targets, and the violation V of the ranges.
+
+        The docstring of the class has the formulas.
 
         Parameters
         ----------
@@ -105,6 +117,8 @@ class Objective:
         F, V : array (points,)
             V is 0 inside the ranges.
         """
+        # Divide all numbers by the widths before the subtractions. The other order
+        # would change the rounding, and with it the course of a search.
         scaled = responses / self.width
         deviations = np.abs(scaled - self.target / self.width)
         F = (self.weight * deviations).sum(axis=1)
@@ -115,12 +129,12 @@ class Objective:
 
     def fitness(self, F: np.ndarray, V: np.ndarray) -> np.ndarray:
         """Compute the fitness (n,) that the search minimises."""
-        return F + (V > 0) * self.infeasible + self.penalty * V
+        return F + (V > 0) * self.infeasible_offset + self.penalty * V
 
 
 @dataclass(frozen=True)
 class Preference:
-    """Cost of a deviation from the priors of the parameters, which is far below F.
+    """Small penalty for parameters that deviate from their priors, far below F.
 
     A parameter that deviates by z standard deviations costs `PRIOR_WEIGHT` z^2 / 2. For
     z = 1 this equals a deviation of half a percent of a target's range. So the targets
@@ -131,9 +145,9 @@ class Preference:
     mean: np.ndarray  # (d,), in the search's coordinates [-1, 1]
     sd: np.ndarray  # (d,), likewise; infinite for a parameter without a prior
     # For each parameter with a prior on a scale that is not linear: its column, and the
-    # function of its deviation in standard deviations. Its mean is 0 and its sd
-    # infinite.
-    scaled: tuple[tuple[int, Deviation], ...] = ()
+    # function that computes its deviation in standard deviations. Its `mean` above is 0
+    # and its `sd` infinite.
+    not_linear: tuple[tuple[int, Deviation], ...] = ()
 
     @classmethod
     def from_priors(cls, space: ParameterSpace) -> "Preference | None":
@@ -151,26 +165,28 @@ class Preference:
         """
         if not space.prior:
             return None
+        # With an infinite standard deviation, a parameter without a prior costs nothing.
         mean = np.zeros(space.dimensions)
         sd = np.full(space.dimensions, np.inf)
-        scaled = []
+        not_linear = []
         for name, (prior_mean, prior_sd) in space.prior.items():
             k = space.free.index(name)
-            # On a logarithmic scale, the coordinate has no normal distribution, so it
-            # needs a function of its own.
             if name in space.scale:
-                scaled.append((k, _make_deviation(space, name)))
-                continue
-            # The search scales the range of a parameter to [-1, 1].
-            half_width = (space.high[k] - space.low[k]) / 2
-            mean[k] = (prior_mean - space.low[k]) / half_width - 1
-            sd[k] = prior_sd / half_width
-        return cls(mean, sd, tuple(scaled))
+                # On a scale that is not linear, the deviation is no linear function of
+                # the coordinate, so a function computes it.
+                not_linear.append((k, _make_deviation(space, name)))
+            else:
+                # Convert the prior to the coordinate of the search, in which the range
+                # of a parameter goes from -1 to 1.
+                half_width = (space.high[k] - space.low[k]) / 2
+                mean[k] = (prior_mean - space.low[k]) / half_width - 1
+                sd[k] = prior_sd / half_width
+        return cls(mean, sd, tuple(not_linear))
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Compute the cost (n,) of points (n, d) in [-1, 1]."""
         deviations = (points - self.mean) / self.sd
-        for k, deviation in self.scaled:
+        for k, deviation in self.not_linear:
             deviations[:, k] = deviation(points[:, k])
         return PRIOR_WEIGHT / 2 * (deviations**2).sum(axis=1)
 
@@ -178,7 +194,7 @@ class Preference:
     def largest(self) -> float:
         """The largest cost of a point in [-1, 1], which is reached in a corner."""
         corner = np.where(self.mean > 0, -1.0, 1.0)
-        for k, deviation in self.scaled:
+        for k, deviation in self.not_linear:
             at_ends = np.abs(deviation(np.array([-1.0, 1.0])))
             corner[k] = -1.0 if at_ends[0] > at_ends[1] else 1.0
         return float(self(corner[None])[0])
@@ -206,18 +222,19 @@ class Archive:
 
     Two points are distinct when they lie at least `distance` apart, Euclidean in
     normalised parameters. The archive goes through the points from the best to the
-    worst, and keeps a point when it is distinct from all that are kept already.
+    worst, and keeps a point when it is distinct from all that are kept already. Added
+    points wait in a buffer until `thin` does this.
 
     Parameters
     ----------
     dimensions : int
         Number of coordinates of a point.
     distance : float
-        Least distance between two points.
+        Minimum distance between two points.
     capacity : int
         Largest number of points that are kept.
     buffer : int
-        Number of added points that may wait for `thin`.
+        Largest number of added points that may wait for `thin`.
 
     Attributes
     ----------
@@ -232,14 +249,15 @@ class Archive:
     ) -> None:
         """Create an empty archive.
 
-        New points wait in a buffer, because thinning many at once is faster.
+        New points wait in a buffer, because it is faster to drop those that are too
+        near to better ones (`thin`) for many points at once.
 
         Parameters
         ----------
         dimensions : int
             Number of coordinates of a point.
         distance : float
-            Least distance between two points.
+            Minimum distance between two points.
         capacity : int
             Largest number of points that are kept.
         buffer : int, optional
@@ -247,45 +265,49 @@ class Archive:
         """
         self.distance = distance
         self.capacity = capacity
-        self.buffer = buffer
+        self.buffer_size = buffer
         self.points = np.empty((0, dimensions))
         self.fitness = np.empty(0)
+        # The buffer: points with their fitness, and the number of these points.
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
         self._n_waiting = 0
-        # Points with this fitness or a larger one cannot enter the archive.
-        self._worst = math.inf
+        # Points with this fitness or a larger one cannot enter; `thin` sets it.
+        self._entry_limit = math.inf
 
     def add(self, points: np.ndarray, fitness: np.ndarray) -> None:
-        """Offer points to the archive.
+        """Add points to the buffer of the archive.
 
-        The points wait in a buffer until it is full, or until the next call of `thin`.
-        Only then do they appear in `points` and `fitness`.
+        They wait there until it is full, or until the next call of `thin`. Only then do
+        the best of them appear in `points` and `fitness`.
 
         Parameters
         ----------
         points : array (n, dimensions)
-            The points to offer.
+            The points to add.
         fitness : array (n,)
-            Smaller is better.
+            Their fitness; smaller is better.
         """
         # Drop points that are no better than the worst of a full archive.
-        may_enter = fitness < self._worst
+        may_enter = fitness < self._entry_limit
         if not may_enter.any():
             return
         new_points = points[may_enter]
         new_fitness = fitness[may_enter]
         # Add the points in parts that fit into the buffer. If the buffer has too little
         # room for a part, empty it first.
-        for start in range(0, len(new_points), self.buffer):
-            part = slice(start, start + self.buffer)
+        for start in range(0, len(new_points), self.buffer_size):
+            part = slice(start, start + self.buffer_size)
             n_added = len(new_points[part])
-            if self._n_waiting + n_added > self.buffer:
+            if self._n_waiting + n_added > self.buffer_size:
                 self.thin()
             self._waiting.append((new_points[part], new_fitness[part]))
             self._n_waiting += n_added
 
     def thin(self) -> None:
-        """Merge the waiting points into `points` and `fitness`, best first."""
+        """Merge the waiting points into the archive, and drop points near better ones.
+
+        Sets `points` and `fitness`, the best first, and empties the buffer.
+        """
         waiting_points = [points for points, _ in self._waiting]
         waiting_fitness = [fitness for _, fitness in self._waiting]
         points = np.concatenate([self.points, *waiting_points])
@@ -295,10 +317,11 @@ class Archive:
         self.fitness = fitness[rows]
         self._waiting = []
         self._n_waiting = 0
-        # A new point may replace several old points near it. Then the archive is no
+        # A full archive takes only points that are better than its worst one, the last.
+        # But a new point may replace several old points near it. Then the archive is no
         # longer full, and a point of any fitness may enter.
         is_full = len(rows) == self.capacity
-        self._worst = self.fitness[-1] if is_full else math.inf
+        self._entry_limit = self.fitness[-1] if is_full else math.inf
 
 
 def select_distinct(
@@ -313,7 +336,7 @@ def select_distinct(
     fitness : array (n,)
         Smaller is better.
     distance : float
-        Least distance between two distinct points.
+        Minimum distance between two distinct points.
     limit : int
         Largest number of points to find.
 
@@ -348,57 +371,60 @@ class SearchResult(NamedTuple):
 
 
 def search_points(
-    respond: ArrayFunction,
+    predict: ArrayFunction,
     objective: Objective,
-    inputs: int,
+    n_inputs: int,
     settings: MigaSettings,
     preference: Preference | None = None,
-    violation: ArrayFunction | None = None,
+    compute_violation: ArrayFunction | None = None,
 ) -> SearchResult:
-    """Search for the points of least objective with `MIGA`.
+    """Search for the points with the smallest objective by the genetic algorithm `MIGA`.
 
     Parameters
     ----------
-    respond : callable
-        Maps points (n, inputs) in [-1, 1] to responses (n, k).
+    predict : callable
+        Maps points (n, n_inputs) in [-1, 1] to responses (n, k).
     objective : Objective
         The function to minimise.
-    inputs : int
+    n_inputs : int
         Number of coordinates of a point.
     settings : MigaSettings
         The section `miga`.
     preference : Preference, optional
         Its cost is added to the fitness.
-    violation : callable, optional
-        Maps points (n, inputs) to their violations (n,) of the constraints between
+    compute_violation : callable, optional
+        Maps points (n, n_inputs) to their violations (n,) of the constraints between
         parameters. Only points with the violation 0 enter the archive.
 
     Returns
     -------
     SearchResult
+        The best distinct points, and the course of the search.
     """
-    miga = MIGA(inputs, settings)
+    miga = MIGA(n_inputs, settings)
     archive = Archive(
-        inputs, settings.distance, ARCHIVED_PER_SOLUTION * settings.solutions
+        n_inputs, settings.distance, ARCHIVED_PER_SOLUTION * settings.solutions
     )
     history = []
     n_feasible = 0
     for round_number in range(1, settings.rounds + 1):
         populations = []
         for _ in range(settings.generations):
+            # `ask` returns a generation, and `tell` breeds the next one.
             population = _evaluate_population(
-                miga.ask(), respond, objective, preference
+                miga.ask(), predict, objective, preference
             )
-            population = _tell_fitness(miga, population, violation)
-            populations.append(population)
-            n_feasible += population.count_feasible()
+            is_allowed = _tell_fitness(miga, population, compute_violation)
+            allowed = population.select(is_allowed)
+            populations.append(allowed)
+            n_feasible += allowed.count_feasible()
 
         # Offer the points of the whole round at once, which is faster.
         archive.add(
             np.concatenate([population.points for population in populations]),
             np.concatenate([population.fitness for population in populations]),
         )
-        # The columns are `HISTORY_COLUMNS`.
+        # The order of the numbers must be that of `HISTORY_COLUMNS`.
         row = (
             round_number,
             miga.generation,
@@ -415,16 +441,16 @@ def search_points(
 class _Population(NamedTuple):
     """Points of one generation with their fitness."""
 
-    points: np.ndarray  # (n, inputs)
+    points: np.ndarray  # (n, n_inputs)
     fitness: np.ndarray  # (n,), the smaller the better
-    violation: np.ndarray  # (n,) of the targets, 0 where all of them are met
+    violation: np.ndarray  # (n,), V of the ranges of the targets; 0 inside all of them
 
     def select(self, is_chosen: np.ndarray) -> "_Population":
         """Return the points at which a mask (n,) is true."""
         return _Population(*(array[is_chosen] for array in self))
 
     def count_feasible(self) -> int:
-        """Count the points that meet all targets."""
+        """Count the points inside the ranges of all targets."""
         return int(np.count_nonzero(self.violation == 0))
 
     def mean_fitness(self) -> float:
@@ -434,12 +460,15 @@ class _Population(NamedTuple):
 
 def _evaluate_population(
     points: np.ndarray,
-    respond: ArrayFunction,
+    predict: ArrayFunction,
     objective: Objective,
     preference: Preference | None,
 ) -> _Population:
-    """Compute the fitness of points (n, inputs); the arguments are as in `search_points`."""
-    F, V = objective(respond(points))
+    """Compute the fitness of points (n, n_inputs).
+
+    The other arguments are those of `search_points`.
+    """
+    F, V = objective(predict(points))
     fitness = objective.fitness(F, V)
     if preference is not None:
         fitness += preference(points)
@@ -447,12 +476,12 @@ def _evaluate_population(
 
 
 def _tell_fitness(
-    miga: MIGA, population: _Population, violation: ArrayFunction | None
-) -> _Population:
-    """Tell the search the fitness of a generation.
+    miga: MIGA, population: _Population, compute_violation: ArrayFunction | None
+) -> np.ndarray:
+    """Tell the search the fitness of a generation, and return which points are allowed.
 
     A point that violates a constraint between parameters gets a penalty in place of its
-    fitness, which guides the search back to the allowed part.
+    fitness, which guides the search back to allowed points.
 
     Parameters
     ----------
@@ -460,19 +489,22 @@ def _tell_fitness(
         The search. Afterwards it is at the next generation.
     population : _Population
         The current generation.
-    violation : callable or None
+    compute_violation : callable or None
         As in `search_points`.
 
     Returns
     -------
-    _Population
-        The allowed points, which count as results of the search.
+    array (n,)
+        Mask of the points that obey the constraints. Only they count as results of the
+        search.
     """
-    if violation is None:
+    if compute_violation is None:
         miga.tell(population.fitness)
-        return population
-    excess = violation(population.points)
-    is_allowed = excess <= 0
-    penalty = FORBIDDEN_FITNESS * (1 + excess)
+        return np.full(len(population.points), True)
+    # This is the violation of constraints between parameters, not of the ranges of the
+    # targets, which is part of the fitness.
+    violation = compute_violation(population.points)
+    is_allowed = violation <= 0
+    penalty = FORBIDDEN_FITNESS * (1 + violation)
     miga.tell(np.where(is_allowed, population.fitness, penalty))
-    return population.select(is_allowed)
+    return is_allowed
