@@ -53,7 +53,9 @@ def test_an_exchange_gains_what_it_says():
         return sum(square ** -(2.0**doublings) for square in squares)
 
     assert pairs.sum_repulsions() == pytest.approx(total(points))
-    assert pairs.squared.min() == pytest.approx(design.minimum_distance(points) ** 2)
+    assert pairs.squared_distances.min() == pytest.approx(
+        design.minimum_distance(points) ** 2
+    )
     for _ in range(20):
         column = rng.integers(4)
         i, j = rng.choice(25, 2, replace=False)

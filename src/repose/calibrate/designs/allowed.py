@@ -11,7 +11,8 @@ import numpy as np
 
 from repose.calibrate.parameter_space import ParameterSpace
 
-# Largest number of designs that `make_allowed_design` tries.
+# Largest number of designs, each larger than the one before, that `make_allowed_design`
+# tries.
 MAX_TRIALS = 50
 # A design with too few allowed points grows by at least 2 %, and at most fourfold.
 MIN_GROWTH = 1.02
@@ -35,16 +36,21 @@ def take_allowed_points(
 ) -> np.ndarray:
     """Take the first points of a sequence that the constraints allow.
 
+    The constraints must allow some points, or the function never ends. The check of the
+    configuration makes sure of this.
+
     Parameters
     ----------
     sequence : PointSequence
-        Sequence of points in the unit cube. The call advances it.
+        Sequence of points in the unit cube. The call advances it by a multiple of
+        `count`, so it skips the allowed points beyond the first `count`.
     count : int
         Number of points to return.
     space : ParameterSpace
         The parameters of the study.
     follows_prior : bool
-        Whether the points are moved to the distribution of the priors.
+        Whether the points are transformed from a uniform distribution to that of the
+        priors.
 
     Returns
     -------
@@ -69,9 +75,9 @@ def make_allowed_design(
     """Make a design whose points all obey the constraints and are evenly spread.
 
     With constraints, larger designs are made until one has enough allowed points. If it
-    has more than necessary, those nearest to other points are dropped. A design fills
-    the whole cube evenly, so its allowed points fill the allowed part evenly. They do
-    not form a Latin hypercube.
+    has more than necessary, points with near neighbours are dropped. A design fills the
+    whole cube evenly, so its allowed points fill the allowed part evenly. They do not
+    form a Latin hypercube.
 
     Parameters
     ----------
@@ -82,7 +88,8 @@ def make_allowed_design(
     space : ParameterSpace
         The parameters of the study.
     follows_prior : bool
-        Whether the points are moved to the distribution of the priors.
+        Whether the points are transformed from a uniform distribution to that of the
+        priors.
 
     Returns
     -------
@@ -101,15 +108,18 @@ def make_allowed_design(
         allowed = points[space.is_allowed(points)]
         if len(allowed) >= count:
             return _drop_nearest(allowed, count)
+        # Grow the design by the factor that the last one lacked.
         growth = count / max(len(allowed), 1)
         size = math.ceil(size * min(max(growth, MIN_GROWTH), MAX_GROWTH))
-    raise ValueError(f"{len(allowed)} of {size} points are allowed; expected {count}")
+    raise ValueError(
+        f"{len(allowed)} of {len(points)} points are allowed; expected {count}"
+    )
 
 
 def _apply_prior(
     points: np.ndarray, space: ParameterSpace, follows_prior: bool
 ) -> np.ndarray:
-    """Move points (n, d) to the distribution of the priors if `follows_prior` is set."""
+    """Transform uniform points (n, d) to the priors if `follows_prior` is True."""
     return space.from_prior(points) if follows_prior else points
 
 

@@ -82,9 +82,10 @@ def make_anova_table(model: Model) -> pd.DataFrame:
             error_df=model.df,
         )
     ]
-    # Let b be the coefficient of a term, and c its element on the diagonal of (X'X)^-1.
-    # Then the partial sum of squares is b^2 / c. The first element on the diagonal is
-    # that of the constant, which is not a term.
+    # Let b be the coefficient of a term, and c its element on the diagonal of (X'X)^-1,
+    # which is `model.inverse`. Then the partial sum of squares is b^2 / c. The first
+    # element on the diagonal belongs to the constant. `model.coefficients` leaves the
+    # constant out, because it is not a term.
     partial_squares = model.coefficients**2 / np.diag(model.inverse)[1:]
     for label, sum_of_squares in zip(
         model.labels, partial_squares.tolist(), strict=True
@@ -137,8 +138,9 @@ def compute_statistics(model: Model) -> dict[str, float]:
         it are NaN.
     """
     n_runs = len(model.response)
+    # Sums of squares of the residuals, and of the responses about their mean. The
+    # latter is the sum of squares of the model plus that of the residuals.
     residual_squares = model.residual_squares
-    # The sum of squares about the mean is that of the model plus that of the residuals.
     anova = make_anova_table(model).set_index("source")
     total_squares = anova.loc["model", "sum_of_squares"] + residual_squares
     mean = float(model.response.mean())
@@ -148,8 +150,9 @@ def compute_statistics(model: Model) -> dict[str, float]:
     # The mean variance of the predictions is sigma^2 p / n, for n runs and p
     # coefficients.
     n_coefficients = model.matrix.shape[1]
-    mean_error = sigma * math.sqrt(n_coefficients / n_runs)
+    mean_standard_error = sigma * math.sqrt(n_coefficients / n_runs)
     mean_residual_square = _compute_mean_square(residual_squares, model.df)
+    # `_divide` returns NaN for a denominator of 0.
     return {
         "std_dev": sigma,
         "mean": mean,
@@ -158,7 +161,7 @@ def compute_statistics(model: Model) -> dict[str, float]:
         "r2": 1 - _divide(residual_squares, total_squares),
         "adjusted_r2": 1 - _divide(mean_residual_square, total_squares / (n_runs - 1)),
         "predicted_r2": 1 - _divide(press, total_squares),
-        "adequate_precision": _divide(float(np.ptp(predictions)), mean_error),
+        "adequate_precision": _divide(float(np.ptp(predictions)), mean_standard_error),
     }
 
 
@@ -187,12 +190,14 @@ def list_effects(model: Model) -> pd.DataFrame:
     -------
     pandas.DataFrame
         A row for each term, the largest contribution first: `term`, `coefficient` in
-        coded units, `standard_error`, `t` (the coefficient divided by its standard
-        error, without sign), `p`, and `contribution_percent` (the partial sum of
-        squares in percent of the total).
+        coded units, `standard_error`, `t` (absolute value of the coefficient divided by
+        its standard error), `p`, and `contribution_percent` (the partial sum of squares
+        in percent of the total).
     """
     table = make_anova_table(model).set_index("source")
-    # The first standard error is that of the constant, which is not an effect.
+    # The covariance of all coefficients is variance * (X'X)^-1, and `model.inverse` is
+    # (X'X)^-1. The first coefficient is the constant, which is not an effect. The
+    # others are in the order of `model.labels`.
     errors = np.sqrt(model.variance * np.diag(model.inverse))
     estimates = pd.DataFrame(
         {

@@ -45,6 +45,8 @@ def box_behnken(factors: int, centres: int) -> np.ndarray:
     array (n, factors)
         The runs in coded units: -1, 0 or 1 for each factor.
     """
+    # `BLOCKS` lists the groups of factors that vary together. Factors are numbered
+    # from 1 there, as in the printed table.
     blocks = BLOCKS[factors]
     runs = []
     for block_number, block in enumerate(blocks, start=1):
@@ -52,7 +54,7 @@ def box_behnken(factors: int, centres: int) -> np.ndarray:
         for factor_numbers in block:
             corners = make_full_factorial(len(factor_numbers))
             group = np.zeros((len(corners), factors))
-            columns = np.array(factor_numbers) - 1  # factors are numbered from 1
+            columns = np.array(factor_numbers) - 1
             group[:, columns] = corners
             runs.append(group)
         # Divide the centre runs equally. If some remain, the first blocks get one more.

@@ -6,9 +6,9 @@ import numpy as np
 
 from repose.calibrate.designs.coding import make_full_factorial
 
-HALF_FRACTION_FROM = (
-    5  # number of factors from which the factorial is the half fraction
-)
+# With at least this many factors, the factorial part is only the half fraction, which
+# has half of the corners of the cube.
+MIN_HALF_FRACTION_FACTORS = 5
 
 
 class CentralComposite(NamedTuple):
@@ -31,8 +31,8 @@ def central_composite(factors: int, axial: str, centres: int) -> CentralComposit
     axial : str
         With "rotatable" the axial distance is the fourth root of the number of
         factorial runs. The variance of a prediction then depends only on its distance
-        from the centre. With "face_centred" the distance is 1, and there are only three
-        levels.
+        from the centre. With any other word, such as "face_centred", the distance is 1,
+        and there are only three levels.
     centres : int
         Number of centre runs.
 
@@ -41,14 +41,16 @@ def central_composite(factors: int, axial: str, centres: int) -> CentralComposit
     CentralComposite
         The runs in coded units, and the axial distance.
     """
-    if factors < HALF_FRACTION_FROM:
+    if factors < MIN_HALF_FRACTION_FACTORS:
         corners = make_full_factorial(factors)
     else:
-        # In the half fraction the last factor is the product of the others.
+        # The half fraction: the last factor is the product of the others.
         corners = make_full_factorial(factors - 1)
         corners = np.column_stack([corners, corners.prod(axis=1)])
     distance = len(corners) ** 0.25 if axial == "rotatable" else 1.0
-    # Two axial runs of each factor, at -distance and distance.
-    star = distance * np.kron(np.eye(factors), np.array([[-1.0], [1.0]]))
-    coded = np.vstack([corners, star, np.zeros((centres, factors))])
+    # Each factor has two axial runs, at -distance and distance, in which all other
+    # factors are 0.
+    axial_runs = distance * np.kron(np.eye(factors), np.array([[-1.0], [1.0]]))
+    centre_runs = np.zeros((centres, factors))
+    coded = np.vstack([corners, axial_runs, centre_runs])
     return CentralComposite(coded, distance)

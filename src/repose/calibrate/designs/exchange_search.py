@@ -17,15 +17,19 @@ MAX_TRIALS = 100  # largest number of trials in a round
 # shares.
 LOW_ACCEPTANCE = 0.1
 HIGH_ACCEPTANCE = 0.8
-# Factors by which the threshold changes after a round: while the best design improves,
-# while the acceptance is to rise, and while it is to fall.
+# The threshold changes after a round. While the best design improves, it is multiplied
+# or divided by the first number. Otherwise it is divided by the second to accept more
+# exchanges, or multiplied by the third to accept fewer.
 IMPROVEMENT_FACTOR = 0.8
-RISE_FACTOR = 0.7
+RISE_DIVISOR = 0.7
 FALL_FACTOR = 0.9
 
 
 class Pairs:
-    """Points with the repulsions distance^-power of all pairs.
+    """Points with the repulsion of each pair of them.
+
+    The repulsion of two points is distance^-power. It is large for points near each
+    other, so in a good design the sum of all repulsions is small.
 
     All sums are computed term by term with `cumsum`, because `sum` may add in another
     order. The rounding of a sum can decide between equally good exchanges, and it must
@@ -43,10 +47,10 @@ class Pairs:
     ----------
     points : array (n, d)
         Changed by `exchange`.
-    squared : array (n, n)
-        Squared distances; infinite on the diagonal.
-    repulsion : array (n, n)
-        0 on the diagonal.
+    squared_distances : array (n, n)
+        Symmetric, and infinite on the diagonal, so that no point repels itself.
+    repulsions : array (n, n)
+        Symmetric, and 0 on the diagonal.
     """
 
     def __init__(self, points: np.ndarray, doublings: int) -> None:
@@ -57,46 +61,52 @@ class Pairs:
         points : array (n, d)
             The points of the design.
         doublings : int
-            The power of the repulsions is 2^(doublings + 1).
+            The power of the repulsions is 2^(doublings + 1), because it doubles with
+            each squaring.
         """
         n = len(points)
         self.points = points.copy()
         self.doublings = doublings
-        # Indices of each pair of points, once.
-        self.below = np.tril_indices(n, -1)
-        # Squared distances and repulsions of all pairs. No point repels itself.
-        self.squared = np.full((n, n), np.inf)
-        self.repulsion = np.zeros((n, n))
+        # The indices (i, j) of each pair of points, with i > j, so each pair is there
+        # once.
+        self.pair_indices = np.tril_indices(n, -1)
+        self.squared_distances = np.empty((n, n))
+        self.repulsions = np.empty((n, n))
         for row in range(n):
-            self._update(row)
+            self._update_point(row)
 
-    def _repulsions(self, squared: np.ndarray) -> np.ndarray:
-        """Compute repulsions from squared distances."""
-        value = 1.0 / squared
+    def _compute_repulsions(self, squared_distances: np.ndarray) -> np.ndarray:
+        """Compute the repulsions distance^-power from squared distances."""
+        # Repeated squaring is faster than a power, and the published designs use it.
+        repulsions = 1.0 / squared_distances
         for _ in range(self.doublings):
-            value *= value
-        return value
+            repulsions *= repulsions
+        return repulsions
 
-    def _update(self, row: int) -> None:
+    def _update_point(self, row: int) -> None:
         """Recompute the distances and repulsions between one point and all others."""
-        # A cumulative sum adds the columns one by one, in a fixed order.
-        squared = np.cumsum((self.points - self.points[row]) ** 2, axis=1)[:, -1]
-        squared[row] = np.inf
-        repulsion = self._repulsions(squared)
-        self.squared[row] = squared
-        self.squared[:, row] = squared
-        self.repulsion[row] = repulsion
-        self.repulsion[:, row] = repulsion
+        # A cumulative sum adds the columns one by one. See the docstring of the class
+        # for the reason.
+        squares = (self.points - self.points[row]) ** 2
+        squared_distances = np.cumsum(squares, axis=1)[:, -1]
+        # The distance of the point from itself counts as infinite.
+        squared_distances[row] = np.inf
+        repulsions = self._compute_repulsions(squared_distances)
+        # The matrices are symmetric, so set a row and a column.
+        self.squared_distances[row] = squared_distances
+        self.squared_distances[:, row] = squared_distances
+        self.repulsions[row] = repulsions
+        self.repulsions[:, row] = repulsions
 
     def sum_repulsions(self) -> float:
         """Sum the repulsions of all pairs."""
-        return float(np.cumsum(self.repulsion[self.below])[-1])
+        return float(np.cumsum(self.repulsions[self.pair_indices])[-1])
 
     def compute_changes(self, column: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
         """Compute by how much each exchange would change the sum of all repulsions.
 
         An exchange swaps the values of two rows in a column. Each exchange is evaluated
-        by itself, and none of them is made.
+        by itself, and none of them is applied.
 
         Parameters
         ----------
@@ -120,28 +130,30 @@ class Pairs:
         # A squared distance is a sum over the columns. An exchange swaps the terms of
         # this column between row i and row j.
         shift = column_squares[1] - column_squares[0]
-        new_squared = self.squared[rows] + np.array([shift, -shift])
-        changes = self._repulsions(new_squared) - self.repulsion[rows]
-        # The distance between the two rows does not change.
+        new_squared = self.squared_distances[rows] + np.array([shift, -shift])
+        changes = self._compute_repulsions(new_squared) - self.repulsions[rows]
+        # The distance between rows i and j does not change, nor that of a row from
+        # itself. So set the changes of both rows in columns i and j to 0.
         changes[:, np.arange(n_exchanges), rows] = 0.0
 
-        # Sum over the other rows and over both rows of an exchange, term by term.
+        # Sum over the other rows and over both rows of an exchange, term by term. See
+        # the docstring of the class for the reason.
         terms = changes.transpose(2, 0, 1).reshape(-1, n_exchanges)
         return terms.cumsum(axis=0)[-1]
 
     def exchange(self, column: int, i: int, j: int) -> None:
         """Swap the values of rows i and j in a column, and update all attributes."""
         self.points[[i, j], column] = self.points[[j, i], column]
-        self._update(i)
-        self._update(j)
+        self._update_point(i)
+        self._update_point(j)
 
 
 @dataclass
 class _Threshold:
     """How much worse a design may become by an exchange (Jin et al., section 3.2)."""
 
-    value: float
-    is_rising: bool = True
+    value: float  # largest accepted rise of phi_p
+    is_rising: bool = True  # whether it rises after a round without improvement
 
     def adapt(self, is_better: bool, accepted: int, improved: int, trials: int) -> None:
         """Adapt the threshold, which is the attribute `value`, after a round.
@@ -164,7 +176,8 @@ class _Threshold:
         low_acceptance = LOW_ACCEPTANCE * trials
         high_acceptance = HIGH_ACCEPTANCE * trials
         # Improvement: lower the threshold if exchanges are accepted that do not improve
-        # the best design, and raise it if hardly any exchange is accepted.
+        # the best design, and raise it if hardly any exchange is accepted. If every
+        # accepted exchange improves the best design, keep it.
         if is_better:
             if accepted > low_acceptance and improved < accepted:
                 self.value *= IMPROVEMENT_FACTOR
@@ -178,7 +191,8 @@ class _Threshold:
         elif accepted > high_acceptance:
             self.is_rising = False
         if self.is_rising:
-            self.value /= RISE_FACTOR
+            # The divisor is below 1, so the threshold rises.
+            self.value /= RISE_DIVISOR
         else:
             self.value *= FALL_FACTOR
 
@@ -188,8 +202,8 @@ class _Exchange(NamedTuple):
 
     column: int
     rows: tuple[int, int]
-    total: float  # sum of repulsions after it
-    phi: float  # phi_p after it
+    total: float  # sum of all repulsions after the exchange
+    phi: float  # phi_p after the exchange
 
 
 class _Walk:
@@ -207,17 +221,19 @@ class _Walk:
     pairs : Pairs
         The design.
     phi : float
-        Its phi_p.
+        The criterion phi_p of the design, (sum of all repulsions)^(1 / p). The smaller,
+        the better.
     """
 
     def __init__(self, start: np.ndarray, doublings: int) -> None:
         """Begin with a design."""
         self.pairs = Pairs(start, doublings)
-        self._exponent = 1.0 / 2.0 ** (doublings + 1)
+        self._exponent = 1.0 / 2.0 ** (doublings + 1)  # 1 / p
         n = len(start)
+        # A fifth of all n (n - 1) / 2 exchanges in a column, but not too many.
         self.n_candidates = min(MAX_CANDIDATES, max(1, n * (n - 1) // 10))
-        # Exclusive upper limits of two random numbers for each candidate: the first
-        # row, and the number of rows from the one after it to the second row.
+        # Exclusive upper limits of the two random numbers that `choose_exchange` draws
+        # for each candidate.
         self._limits = np.tile([n, n - 1], self.n_candidates)
         self.recompute_total()
 
@@ -230,12 +246,20 @@ class _Walk:
         self.phi = self._total**self._exponent
 
     def choose_exchange(self, column: int, rng: np.random.Generator) -> _Exchange:
-        """Choose the best of a few random exchanges in a column."""
+        """Choose the random exchange in a column that makes phi_p smallest.
+
+        An exchange swaps the values of two rows i and j. Of `n_candidates` random
+        exchanges, the one with the smallest sum of all repulsions is chosen. It may
+        still be worse than no exchange.
+        """
+        # Draw the first row i, and an offset from 0 to n - 2. The second row j follows
+        # after 1 + offset rows, cyclically. So it is any row but i, all equally likely.
         i, offset = rng.integers(0, self._limits).reshape(-1, 2).T
         j = (i + 1 + offset) % len(self.pairs.points)
-        gains = self.pairs.compute_changes(column, i, j)
-        best = int(gains.argmin())
-        total = self._total + gains[best]
+        changes = self.pairs.compute_changes(column, i, j)
+        best = int(changes.argmin())
+        total = self._total + changes[best]
+        # Rounding may make the total slightly negative.
         phi = max(total, 0.0) ** self._exponent
         return _Exchange(column, rows=(i[best], j[best]), total=total, phi=phi)
 
@@ -288,7 +312,8 @@ def evolve_design(
 
     best_phi = walk.phi
     best_points = start.copy()
-    widest_squared = walk.pairs.squared.min()
+    # The square of the largest minimum distance so far, and the design that has it.
+    widest_squared = walk.pairs.squared_distances.min()
     widest_points = start.copy()
     for _ in range(rounds):
         phi_before = best_phi
@@ -306,7 +331,7 @@ def evolve_design(
                 improved += 1
 
         walk.recompute_total()
-        smallest_squared = walk.pairs.squared.min()
+        smallest_squared = walk.pairs.squared_distances.min()
         if smallest_squared > widest_squared:
             widest_squared = smallest_squared
             widest_points = walk.pairs.points.copy()

@@ -105,16 +105,22 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
 @functools.lru_cache(maxsize=16)
 def _optimal_lhs(n: int, d: int, seed: int | tuple[int, ...]) -> np.ndarray:
-    """Make the design of `optimal_lhs`; the caller must not change the cached array."""
+    """Make the design (n, d) of `optimal_lhs`.
+
+    The cache returns the same array again, so the caller must not change it.
+    """
     rng = np.random.default_rng(seed)
     best = lhsdesign(n, d, rng=rng)
     # With two points or one column, no exchange changes the distances.
     if n < 3 or d < 2:
         return best
-    # For each power, continue with the design of smallest phi_p of the previous power.
+    # Morris and Mitchell's criterion phi_p has a power p. Minimise it for rising
+    # powers, each time from the design of smallest phi_p of the previous power.
     current = best.copy()
     for doublings in PHI_DOUBLINGS:
         current, widest = evolve_design(current, doublings, ROUNDS_PER_POWER, rng)
+        # `best` is the design of largest minimum distance. If several are equal, `max`
+        # keeps the first of them, the one found earliest.
         best = max((best, current, widest), key=minimum_distance)
     return best
 

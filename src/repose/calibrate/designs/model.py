@@ -62,8 +62,8 @@ class Model:
     coded: np.ndarray  # (n, k), the runs
     response: np.ndarray  # (n,)
     matrix: np.ndarray  # X (n, p), columns: constant, terms
-    inverse: np.ndarray  # (X'X)^-1 (p, p)
-    all_coefficients: np.ndarray  # (p,), of the constant and the terms
+    inverse: np.ndarray  # (X'X)^-1 (p, p), not the inverse of `matrix`
+    all_coefficients: np.ndarray  # (p,), the constant, and the terms in their order
 
     @property
     def labels(self) -> list[str]:
@@ -130,8 +130,9 @@ def fit_model(
         The response of each run.
     factors : sequence of str
         Names of the k factors.
-    order : str or sequence
-        One of `ORDERS`, or the terms themselves.
+    order : str or sequence of Term
+        One of `ORDERS`, which stands for the terms that `list_terms` returns, or the
+        terms themselves.
 
     Returns
     -------
@@ -153,6 +154,7 @@ def fit_model(
             f"{len(coded)} runs determine {rank} coefficients; "
             f"expected all {n_coefficients}"
         )
+    # The pseudo-inverse P of X gives the coefficients P y, and (X'X)^-1 = P P'.
     pseudo_inverse = np.linalg.pinv(matrix)
     return Model(
         factors=tuple(factors),

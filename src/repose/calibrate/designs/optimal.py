@@ -21,8 +21,8 @@ LEVELS = np.linspace(-1.0, 1.0, 21)
 N_STARTS = 10
 # Largest number of rounds, each of which tries exchanges in all new runs.
 MAX_ROUNDS = 100
-# An exchange must raise the log determinant by more than this. A smaller rise may be a
-# rounding error.
+# An exchange must raise the log determinant by more than this. So must a search over
+# the best one before it. A smaller rise may be a rounding error.
 MIN_GAIN = 1e-9
 # Added to the diagonal of X'X, which is singular as long as there are too few runs.
 RIDGE = 1e-8
@@ -38,7 +38,7 @@ class AllowedDesign(NamedTuple):
 def replace_forbidden(
     coded: np.ndarray, region: Region | None, order: str
 ) -> AllowedDesign:
-    """Replace the forbidden runs of a design.
+    """Replace the runs of a design that constraints forbid with allowed ones.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def replace_forbidden(
     if not is_new.any():
         return AllowedDesign(coded, is_new)
 
-    # Replace the forbidden runs by new ones, and keep the rows of the others.
+    # Put new runs into the rows of the forbidden ones.
     terms = list_terms(coded.shape[1], order)
     n_new = int(is_new.sum())
     runs = coded.copy()
@@ -107,15 +107,17 @@ def choose_added_runs(
     numpy.ndarray, (count, factors)
         The new runs in coded units.
     """
+    # Any finite determinant is better than the first one here, so the first search
+    # replaces the empty array. The logarithm of the determinant rises with it.
     best_runs = np.empty((0, fixed_runs.shape[1]))
-    best_determinant = -np.inf
+    best_log_determinant = -np.inf
     for start in range(N_STARTS):
         # Start from the next `count` of the points that are spread over the region.
         rows = (start * count + np.arange(count)) % len(region.points)
         runs = _exchange_coordinates(region.points[rows], fixed_runs, region, terms)
-        determinant = compute_log_determinant(np.vstack([fixed_runs, runs]), terms)
-        if determinant > best_determinant + MIN_GAIN:
-            best_determinant = determinant
+        log_determinant = compute_log_determinant(np.vstack([fixed_runs, runs]), terms)
+        if log_determinant > best_log_determinant + MIN_GAIN:
+            best_log_determinant = log_determinant
             best_runs = runs
     return best_runs
 
@@ -133,7 +135,7 @@ def _exchange_coordinates(
     Parameters
     ----------
     start_runs : numpy.ndarray, (count, factors)
-        The new runs with which the search begins.
+        The new runs with which the search begins. They must be allowed.
     fixed_runs, region, terms
         See `choose_added_runs`.
 
@@ -148,14 +150,17 @@ def _exchange_coordinates(
         for row in range(len(runs)):
             other_runs = np.vstack([fixed_runs, np.delete(runs, row, axis=0)])
             # Let M be the matrix X'X of the other runs. A run whose row in X is f
-            # multiplies the determinant of M by 1 + f' M^-1 f.
+            # multiplies the determinant of M by 1 + f' M^-1 f. So the inverse of M
+            # stays the same while only this run changes.
             inverse = np.linalg.inv(_compute_information(other_runs, terms))
             for factor in range(runs.shape[1]):
-                # The first candidate is the unchanged run, which is allowed.
+                # The first candidate is the unchanged run. It is allowed, so it stays
+                # the first one below, where forbidden candidates are dropped.
                 candidates = np.repeat(runs[row][None], len(LEVELS) + 1, axis=0)
                 candidates[1:, factor] = LEVELS
                 candidates = candidates[region.is_allowed(candidates)]
                 model_rows = _make_model_rows(candidates, terms)
+                # Rise of the log determinant by each candidate, log(1 + f' M^-1 f).
                 gains = np.log1p((model_rows @ inverse * model_rows).sum(axis=1))
                 best = gains.argmax()
                 if gains[best] > gains[0] + MIN_GAIN:

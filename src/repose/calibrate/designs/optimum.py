@@ -10,12 +10,13 @@ from repose.calibrate.designs.coding import make_full_factorial
 from repose.calibrate.designs.model import Model
 from repose.calibrate.designs.region import SLSQP_OPTIONS, Region
 
-# A target counts as met if its scaled deviation is below the first of these numbers.
-# The search looks for points that meet all targets if all deviations are below the
-# second.
+# A target counts as met if its scaled deviation is below the first of these numbers. If
+# all deviations of the best minimum are below the second, the targets can probably be
+# met, and the search for the most central point that meets them begins.
 MET_DEVIATION = 1e-6
 NEARLY_MET_DEVIATION = 1e-3
-# Such a search starts from a minimum whose sum of squared deviations is below this.
+# This search starts from each minimum whose sum of squared deviations is below this. It
+# is the square of `NEARLY_MET_DEVIATION`.
 GOOD_START_SQUARE = 1e-6
 # Tolerance of SciPy for a sum of squared deviations. It is below the square of
 # `MET_DEVIATION`, so that a search does not end before the targets are met.
@@ -37,14 +38,14 @@ def compute_desirability(
     """Compute the desirability of predictions (Derringer and Suich 1980).
 
     The desirability of a response is 1 at its aim and falls linearly to 0 at the ends
-    of its range. That of a prediction is the geometric mean over its responses.
+    of its range. The desirability of a point is the geometric mean over its responses.
 
     Parameters
     ----------
     predicted : array (n, responses)
         Predicted responses at n points.
     aims, low, high : array (responses,)
-        Aim of each response, and the ends of its range.
+        Aim of each response, and the ends of its range, with low <= aim <= high.
 
     Returns
     -------
@@ -55,13 +56,15 @@ def compute_desirability(
     aims = np.asarray(aims, dtype=float)
     low = np.asarray(low, dtype=float)
     high = np.asarray(high, dtype=float)
-    # Divisions by 0 occur where an aim is at an end of its range.
+    # If an aim is at an end of its range, a denominator is 0. A prediction beyond this
+    # end then gets -inf, which is clipped to 0 below. A prediction at the aim gets NaN,
+    # which is replaced by 1.
     with np.errstate(divide="ignore", invalid="ignore"):
         below = (predicted - low) / (aims - low)
         above = (high - predicted) / (high - aims)
     desirability = np.where(predicted < aims, below, above)
     desirability = np.where(predicted == aims, 1.0, desirability)
-    # Take the geometric mean over the responses.
+    # Outside the range the desirability is 0. Take the geometric mean of the responses.
     return np.clip(desirability, 0.0, 1.0).prod(axis=1) ** (1.0 / len(aims))
 
 
@@ -104,20 +107,21 @@ def find_optimum(
     high: ArrayLike,
     region: Region | None = None,
 ) -> Optimum:
-    """Find the point of the cube from -1 to 1 that is nearest to the targets.
+    """Find the point at which the predicted responses are nearest to their aims.
 
-    With more factors than targets, a whole curve or surface of points may meet all
-    targets. The result is the one nearest to the centre, where the models are most
-    accurate.
+    The point lies in the cube of the coded factors, from -1 to 1. With more factors
+    than responses, a whole curve or surface of points may meet all aims. The result is
+    then the point nearest to the centre, where the models are most accurate.
 
     Parameters
     ----------
     models : sequence of Model
         One for each response.
     aims : array (responses,)
-        Aim of each response.
+        The aim of each response, its target.
     scale : array (responses,)
-        Each aim divided by the square root of its weight.
+        The unit of each deviation, such as the aim divided by the square root of its
+        weight.
     low, high : array (responses,)
         Ranges of the responses, for the desirability.
     region : Region or None
@@ -134,21 +138,21 @@ def find_optimum(
     minima = _find_minima(deviations, bounds, region)
     best = min(minima, key=deviations.sum_of_squares)
 
-    # If the targets can be met, search for the point nearest to the centre that meets
-    # them. A search that ends without meeting them does not count.
+    # If the best minimum nearly meets the aims, search for the point nearest to the
+    # centre that meets them. A search that ends without meeting them does not count.
     if deviations.largest(best) < NEARLY_MET_DEVIATION:
         central_points = [
             _find_most_central(deviations, point, bounds=bounds, region=region)
             for point in minima
             if deviations.sum_of_squares(point) < GOOD_START_SQUARE
         ]
-        points_that_meet = [
+        points_at_aims = [
             point
             for point in central_points
             if deviations.largest(point) < MET_DEVIATION
         ]
-        if points_that_meet:
-            best = min(points_that_meet, key=_compute_squared_length)
+        if points_at_aims:
+            best = min(points_at_aims, key=_compute_squared_length)
 
     predicted = deviations(best) + aims
     is_met = bool(np.abs((predicted - aims) / deviations.scale).max() < MET_DEVIATION)
@@ -193,22 +197,22 @@ def _find_minima(
     )
     # L-BFGS-B is the method of the published results, but it allows no constraints.
     # With constraints, use SLSQP instead.
-    method: dict[str, Any] = {"method": "L-BFGS-B"}
+    options: dict[str, Any] = {"method": "L-BFGS-B"}
     if region is not None:
         starts = np.array([region.pull_inside(start) for start in starts])
-        method = {"method": "SLSQP", "constraints": _make_scipy_constraints(region)}
+        options = {"method": "SLSQP", "constraints": _make_scipy_constraints(region)}
     minima = [
         optimize.minimize(
             deviations.sum_of_squares,
             start,
             bounds=bounds,
             tol=SQUARE_TOLERANCE,
-            **method,
+            **options,
         ).x
         for start in starts
     ]
     # SLSQP may end slightly beyond a constraint.
-    return _pull_inside(minima, region)
+    return _pull_all_inside(minima, region)
 
 
 def _find_most_central(
@@ -236,7 +240,7 @@ def _find_most_central(
         method="SLSQP",
         options=SLSQP_OPTIONS,
     ).x
-    return _pull_inside([found], region)[0]
+    return _pull_all_inside([found], region)[0]
 
 
 def _make_scipy_constraints(region: Region | None) -> list[dict[str, Any]]:
@@ -244,8 +248,10 @@ def _make_scipy_constraints(region: Region | None) -> list[dict[str, Any]]:
     return [] if region is None else [{"type": "ineq", "fun": region.compute_slack}]
 
 
-def _pull_inside(points: list[np.ndarray], region: Region | None) -> list[np.ndarray]:
-    """Move points that a search left beyond a constraint to the edge of the region."""
+def _pull_all_inside(
+    points: list[np.ndarray], region: Region | None
+) -> list[np.ndarray]:
+    """Move each forbidden point (k,) to the edge of the region; see `Region.pull_inside`."""
     if region is None:
         return points
     return [region.pull_inside(point) for point in points]

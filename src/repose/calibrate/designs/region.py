@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 # Number of points that show which part of the cube is allowed, and the seed of their
-# sequence.
+# sequence. A Sobol sequence is evenly spread for a power of two.
 N_POINTS = 2**13
 SEED = 1
 # A search must stay this far inside a constraint, as a fraction of the largest excess,
@@ -44,7 +44,7 @@ class Region:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """Allowed points (n, factors), evenly spread.
+        """Allowed points (n, factors) in coded units, evenly spread over the region.
 
         Raises
         ------
@@ -56,24 +56,32 @@ class Region:
         # Scramble the sequence, because its regular points lie exactly on the edge of
         # constraints such as a <= b.
         sequence = qmc.Sobol(self.factors, rng=SEED)
-        cube = 2 * sequence.random(N_POINTS) - 1
-        allowed = cube[self.is_allowed(cube)]
-        if not len(allowed):
+        # Convert the coordinates from 0 to 1 to coded units, from -1 to 1.
+        points_of_cube = 2 * sequence.random(N_POINTS) - 1
+        allowed = points_of_cube[self.is_allowed(points_of_cube)]
+        if len(allowed) == 0:
             raise ValueError(f"none of {N_POINTS} points of the cube is allowed")
         return allowed
 
     @cached_property
     def centre(self) -> np.ndarray:
-        """An allowed centre (factors,): of the cube, or else of the region."""
+        """An allowed point (factors,) in the middle.
+
+        It is the centre of the cube if that is allowed. Otherwise it is the centroid of
+        the allowed region, or the allowed point nearest to the centroid.
+        """
         centre = np.zeros(self.factors)
+        # `is_allowed` takes an array of points, here with a single one.
         if self.is_allowed(centre[None])[0]:
             return centre
+        # `self.points` are spread evenly over the region, so their mean is its centroid.
         centroid = self.points.mean(axis=0)
         if self.is_allowed(centroid[None])[0]:
             return centroid
         # On a logarithmic scale the region may not be convex, so even its centroid may
         # be forbidden. Then use the allowed point that is nearest to it.
-        return self.points[np.argmin(((self.points - centroid) ** 2).sum(axis=1))]
+        squared_distances = ((self.points - centroid) ** 2).sum(axis=1)
+        return self.points[np.argmin(squared_distances)]
 
     def compute_slack(self, point: np.ndarray) -> np.ndarray:
         """Compute how far a point (factors,) is inside each constraint.

@@ -207,9 +207,8 @@ class MIGA:
             population,
             size=(self.settings.tournament, generations, islands, 2 * population),
         )
-        self._winning_ranks = ranks.min(
-            axis=0
-        )  # (generations, islands, 2 * population)
+        # The shape is (generations, islands, 2 * population).
+        self._winning_ranks = ranks.min(axis=0)
         # A child is a weighted mean of its parents. This is the weight of the first
         # parent.
         self._first_weights = self.random.uniform(
