@@ -453,7 +453,7 @@ def test_a_path_goes_on_along_a_constraint():
 def test_a_region_without_room_for_the_model_is_refused_by_name():
     rules = ["mur_gg <= 0.09 * mus_gg", "mur_gg >= 0.09 * mus_gg"]
     input_error(
-        "constraints is .*expected constraints that leave room for a linear model",
+        "constraints is .*expected constraints that allow enough different runs for a linear model",
         screening.make_screening_samples,
         SPACE.with_constraints(rules),
         SETTINGS,

@@ -21,7 +21,7 @@ from repose.common.numbers import format_significant
 def describe_answer(
     answer: Answer, space: ParameterSpace, targets: Targets
 ) -> dict[str, Any]:
-    """Describe an answer, for a file that is read when the answer is checked.
+    """Collect facts about an answer, for a file that is read when it is checked.
 
     Parameters
     ----------
@@ -35,20 +35,24 @@ def describe_answer(
     Returns
     -------
     dict
-        ``feasible``, whether the answer is predicted to meet the targets; ``message``,
-        a sentence that explains this; ``predicted_error``, the standard errors (k,) of
-        the predicted responses; ``solutions``, the result of `tabulate_solutions`;
-        ``near_bounds``, the result of `find_near_bounds`; ``simulated``, the numbers of
-        the samples that already simulated the answer.
+        - ``feasible``: whether the answer is predicted inside all ranges
+        - ``message``: a sentence that explains this
+        - ``predicted_error``: standard errors (k,) of the predicted responses
+        - ``solutions``: the result of `tabulate_solutions`
+        - ``near_bounds``: the result of `find_near_bounds`; empty without a model
+        - ``simulated``: numbers of the samples that already simulated the answer
     """
     predicted = answer
     parameters_near_bounds = []
     if answer.model is not None:
+        # The mean of a simulated answer comes from its runs instead of the model.
         if answer.simulated:
             predicted = _predict_again(answer, answer.model)
         values = dict(zip(space.names, answer.values.tolist(), strict=True))
         parameters_near_bounds = find_near_bounds(answer.model, values, space)
-    feasible, message = judge_answer(predicted, targets, answer.notes.get("note", ""))
+    # A strategy may have added a note that belongs to the message.
+    note = answer.notes.get("note", "")
+    feasible, message = judge_answer(predicted, targets, note)
     return {
         "feasible": feasible,
         "message": message,
@@ -74,12 +78,21 @@ def _predict_again(answer: Answer, model: Predictor) -> Answer:
 
 
 def judge_answer(answer: Answer, targets: Targets, note: str = "") -> tuple[bool, str]:
-    """Judge whether an answer is predicted inside all ranges.
+    """Judge whether the predicted responses of an answer lie inside all ranges.
+
+    Parameters
+    ----------
+    answer : Answer
+        Its `mean` has the predicted responses.
+    targets : Targets
+        The targets of the study, with their ranges.
+    note : str, optional
+        Text that is added to the message.
 
     Returns
     -------
     feasible : bool
-        Whether the answer is predicted inside all ranges.
+        Whether all responses lie inside their ranges.
     message : str
         Sentence with the prediction and the ranges, followed by the note.
     """
@@ -95,14 +108,15 @@ def judge_answer(answer: Answer, targets: Targets, note: str = "") -> tuple[bool
 def tabulate_solutions(
     answer: Answer, feasible: bool, space: ParameterSpace, targets: Targets
 ) -> pd.DataFrame:
-    """Make the table of the answer and of the other parameter sets.
+    """Make the table of solutions: the answer, and the other parameter sets after it.
 
     Parameters
     ----------
     answer : Answer
         The answer.
     feasible : bool
-        Whether the answer is predicted inside all ranges. The other sets always are.
+        Whether the responses of the answer are predicted inside all ranges, as
+        `judge_answer` returns it. A strategy chooses only other sets that are.
     space : ParameterSpace
         The parameters of the study.
     targets : Targets
@@ -111,14 +125,15 @@ def tabulate_solutions(
     Returns
     -------
     pandas.DataFrame
-        `solution` from 1, parameters, predicted responses, `feasible`,
-        `representative`.
+        A row for each solution: `solution` (its number from 1), the parameters, the
+        predicted responses, `feasible`, and `representative` (True for the answer).
     """
-    sets = np.vstack([answer.values, answer.others])
-    table = pd.DataFrame(sets, columns=list(space.names))
+    parameter_sets = np.vstack([answer.values, answer.others])
+    table = pd.DataFrame(parameter_sets, columns=list(space.names))
     table.insert(0, "solution", np.arange(1, len(table) + 1))
     table[list(targets.predicted)] = np.vstack([answer.mean, answer.others_mean])
     table["feasible"] = [feasible] + [True] * len(answer.others)
+    # The answer comes first.
     table["representative"] = table["solution"] == 1
     return table
 
@@ -146,16 +161,17 @@ def write_notes(
             write_json(path, note)
 
 
-def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
-    """Choose points that are at least a certain distance apart.
+def select_separated(unit_points: np.ndarray, settings: MigaSettings) -> np.ndarray:
+    """Choose points that are at least a minimum distance apart.
 
     Parameters
     ----------
-    unit : numpy.ndarray, (n, d)
+    unit_points : numpy.ndarray, (n, d)
         Points of the unit cube, the best first.
-    section : MigaSettings
-        Its key ``distance`` is the least distance, in half ranges. At most
-        ``solutions`` points are chosen.
+    settings : MigaSettings
+        Its key ``distance`` is the minimum distance. The unit is half the width of a
+        range, because the search has the coordinates -1 to 1. At most ``solutions``
+        points are chosen.
 
     Returns
     -------
@@ -166,11 +182,14 @@ def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
     from scipy.spatial.distance import cdist
 
     rows: list[int] = []
-    for k, point in enumerate(unit):
+    for k, point in enumerate(unit_points):
         # A range of a parameter has the length 1 in the unit cube, so the factor 2
         # gives a distance in half ranges.
-        if not rows or 2 * cdist(unit[rows], point[None]).min() >= section.distance:
+        if (
+            not rows
+            or 2 * cdist(unit_points[rows], point[None]).min() >= settings.distance
+        ):
             rows.append(k)
-        if len(rows) == section.solutions:
+        if len(rows) == settings.solutions:
             break
     return np.array(rows, dtype=int)

@@ -4,11 +4,13 @@ A plan states two things: the smallest number of runs that the noise requires, a
 each of several budgets of runs the probability of success.
 
 The probabilities come from the table `success.csv`, which
-`research/answers/hidden_truths.py` writes. In simulated campaigns, the sequential
-strategy searched for hidden parameter sets of an emulated simulator, whose runs scatter
-by a few percent. The table has the fraction of these sets that were found. Logistic
-curves smooth the fractions over the logarithms of budget and scatter. A study that
-differs from the campaigns gets no probability.
+`research/answers/hidden_truths.py` writes. In simulated campaigns (whole
+calibrations), the sequential strategy searched for hidden parameter sets of an emulated
+simulator, whose runs scatter by a few percent. The table has the fraction of these sets
+that were found. Its column `pours` is the budget, a number of runs, and `truths` the
+number of hidden parameter sets. Logistic curves smooth the fractions over the
+logarithms of budget and scatter. A study that differs from the campaigns gets no
+probability.
 """
 
 from pathlib import Path
@@ -80,7 +82,7 @@ def make_plan(
     runs: pd.DataFrame | None = None,
     source: object = "runs",
 ) -> Plan:
-    """Estimate how many runs a study needs, and how probably a budget suffices.
+    """Estimate how many runs a study needs, and the probability of success of budgets.
 
     Parameters
     ----------
@@ -106,25 +108,30 @@ def make_plan(
     InputError
         If the runs have too few replicates.
     """
+    # Find the covariance of a run, and its scatter in percent of each target.
     if runs is None:
         noise = make_default_noise(targets)
     else:
         noise = estimate_noise(runs, targets, source)
     noise_percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
+
+    # Count the runs that the noise requires for each tolerance.
     needed = {}
     for tolerance in TOLERANCES:
         goal = Goal.from_targets(targets, tolerance, space)
         needed[tolerance] = goal.count_needed_runs(noise, CERTAINTY)
 
-    # The probability of success is only known for studies like the simulated campaigns.
+    # The probability of success is only known for studies like the simulated campaigns,
+    # whose results are in a file. Their scatter is the same for all targets, so compare
+    # it with the largest scatter of this study.
     campaigns = pd.read_csv(SUCCESS_FILE)
     largest_percent = float(noise_percent.max())
     differences = _list_differences(
         campaigns,
         strategy=strategy,
-        free=space.dimensions,
+        n_free=space.dimensions,
         n_targets=len(targets),
-        percent=largest_percent,
+        noise_percent=largest_percent,
     )
     success = None
     if not differences:
@@ -151,7 +158,12 @@ def _describe_campaigns(table: pd.DataFrame) -> str:
 
 
 def _list_differences(
-    table: pd.DataFrame, *, strategy: str, free: int, n_targets: int, percent: float
+    table: pd.DataFrame,
+    *,
+    strategy: str,
+    n_free: int,
+    n_targets: int,
+    noise_percent: float,
 ) -> list[str]:
     """List how a study differs from the simulated campaigns of `success.csv`.
 
@@ -161,41 +173,42 @@ def _list_differences(
         The content of `success.csv`.
     strategy : str
         Name of the strategy of the study.
-    free : int
+    n_free : int
         Number of its free parameters.
     n_targets : int
         Number of its targets.
-    percent : float
+    noise_percent : float
         The largest scatter of a run, in percent of the target.
 
     Returns
     -------
     list of str
-        A phrase for each difference. The list is empty if the study is like the
-        campaigns.
+        A phrase for each difference. The list is empty if the study is within the range
+        of the campaigns.
     """
     differences = []
     if strategy != CAMPAIGN_STRATEGY:
         differences.append(f"strategy {strategy}")
-    if free != CAMPAIGN_PARAMETERS:
-        differences.append(f"free parameters: {free}")
+    if n_free != CAMPAIGN_PARAMETERS:
+        differences.append(f"free parameters: {n_free}")
+    # The campaigns have a target for each response.
     if n_targets not in set(table["responses"]):
         differences.append(f"targets: {n_targets}")
     scatters = table["noise_percent"]
-    if not scatters.min() <= percent <= scatters.max():
-        differences.append(f"a scatter of {format_significant(percent, 2)} %")
+    if not scatters.min() <= noise_percent <= scatters.max():
+        differences.append(f"a scatter of {format_significant(noise_percent, 2)} %")
     return differences
 
 
-def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
-    """Estimate how probably the sequential strategy succeeds with each budget.
+def estimate_success(n_targets: int, noise_percent: float) -> pd.DataFrame:
+    """Estimate the success probability of the sequential strategy for each budget.
 
     Parameters
     ----------
     n_targets : int
-        Number of targets, one of those of `success.csv`.
-    percent : float
-        Scatter of a run in percent of the target, within those of `success.csv`.
+        Number of targets. `success.csv` must have it in its column `responses`.
+    noise_percent : float
+        Scatter of a run in percent of the target, within the range of `success.csv`.
 
     Returns
     -------
@@ -207,15 +220,17 @@ def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
     """
     campaigns = pd.read_csv(SUCCESS_FILE)
     campaigns = campaigns[campaigns["responses"] == n_targets]
-    # All campaigns with the same scatter calibrate the same hidden parameter sets, the
-    # truths. The standard error therefore follows from the number of truths, not from
-    # the number of budgets to which the curve is fitted.
+    # `pours` is the budget, a number of runs. `truths` is the number of hidden
+    # parameter sets, each a trial that succeeds or fails. All campaigns have the same
+    # truths, whatever their budget, so fitting a curve to more budgets does not make
+    # the probabilities more certain. Therefore compute the standard errors from the
+    # number of truths alone, which is the same in all rows of a budget.
     budgets = campaigns.groupby("pours", as_index=False)["truths"].first()
     table = budgets[["pours"]].copy()
     for tolerance in TOLERANCES:
         column = f"within_{tolerance:g}_percent"
         curve = SuccessCurve.fit(campaigns, column)
-        table[column] = curve.probability(table["pours"], percent)
+        table[column] = curve.probability(table["pours"], noise_percent)
         table[f"{column}_se"] = compute_fraction_error(table[column], budgets["truths"])
     return table
 
@@ -223,7 +238,8 @@ def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
 class SuccessCurve(NamedTuple):
     """Probability of success over the number of runs and their scatter.
 
-    Its logit is ``level + by_pours log(pours) + by_noise log(noise)``.
+    Its logit is ``level + by_pours log(pours) + by_noise log(noise)``, where a pour is
+    a run, and the noise is in percent.
     """
 
     level: float
@@ -231,14 +247,16 @@ class SuccessCurve(NamedTuple):
     by_noise: float
 
     @classmethod
-    def fit(cls, table: pd.DataFrame, share: str) -> Self:
-        """Fit a curve that never falls with the number of runs.
+    def fit(cls, table: pd.DataFrame, column: str) -> Self:
+        """Fit a curve that does not decrease with the number of runs.
 
         Parameters
         ----------
         table : pandas.DataFrame
-            `pours`, `noise_percent`, `truths`, and fractions of the truths.
-        share : str
+            A row for each group of simulated campaigns: `pours` (number of runs),
+            `noise_percent`, `truths` (number of trials), and fractions of successful
+            trials.
+        column : str
             Name of the column with the fractions.
 
         Returns
@@ -254,7 +272,7 @@ class SuccessCurve(NamedTuple):
         log_pours, log_noise = np.log(table[["pours", "noise_percent"]].to_numpy().T)
         terms = np.column_stack([np.ones(len(table)), log_pours, log_noise])
         trials = table["truths"].to_numpy(float)
-        successes = trials * table[share].to_numpy(float)
+        successes = trials * table[column].to_numpy(float)
 
         def loss(coefficients: np.ndarray) -> tuple[float, np.ndarray]:
             """Compute the negative log likelihood of the curve, and its gradient.
@@ -274,20 +292,20 @@ class SuccessCurve(NamedTuple):
         return cls(*minimum.x.tolist())
 
     def probability(self, pours: pd.Series, noise_percent: float) -> pd.Series:
-        """Return the probability of success with some numbers of runs."""
+        """Return the probability of success for each number of runs in `pours`."""
         from scipy.special import expit
 
         noise = self.by_noise * np.log(noise_percent)
         return expit(self.level + self.by_pours * np.log(pours) + noise)
 
 
-def compute_fraction_error(share: pd.Series, trials: pd.Series) -> pd.Series:
+def compute_fraction_error(fraction: pd.Series, trials: pd.Series) -> pd.Series:
     """Compute the standard error of a probability from the fraction of successful trials.
 
     It is the standard deviation of the beta distribution that follows from these trials
     and a uniform prior. It is positive even if all or none of the trials succeeded.
     """
-    mean = (share * trials + 1) / (trials + 2)
+    mean = (fraction * trials + 1) / (trials + 2)
     return np.sqrt(mean * (1 - mean) / (trials + 3))
 
 
@@ -300,9 +318,10 @@ def make_default_noise(targets: Targets) -> np.ndarray:
 def estimate_noise(
     runs: pd.DataFrame, targets: Targets, source: object = "runs"
 ) -> np.ndarray:
-    """Estimate the covariance of single runs about the means of their samples.
+    """Estimate the noise of a run: the covariance within samples, the same for all.
 
-    Responses of different bench tests are independent, so their covariance is 0.
+    Responses of different bench tests (experiments) are independent, so their
+    covariance is 0.
 
     Parameters
     ----------
@@ -316,6 +335,7 @@ def estimate_noise(
     Returns
     -------
     numpy.ndarray, (k, k)
+        Covariance of a single run.
 
     Raises
     ------
@@ -333,6 +353,8 @@ def estimate_noise(
         covariance, degrees_of_freedom = estimate_within_covariance(
             responses, good["sample"]
         )
+        # Each good run beyond the first of its sample is a degree of freedom. Runs with
+        # the same results give a covariance without full rank.
         has_full_rank = np.linalg.matrix_rank(covariance) == len(columns)
         if degrees_of_freedom <= len(columns) or not has_full_rank:
             raise InputError(
@@ -340,8 +362,8 @@ def estimate_noise(
                 key="runs that determine the noise",
                 value=degrees_of_freedom,
                 allowed=(
-                    f"at least {len(columns) + 1} good runs beyond the first of a "
-                    "sample, which are not all the same"
+                    f"at least {len(columns) + 1} good runs beyond the first of each "
+                    "sample, and results that differ within the samples"
                 ),
             )
         # Insert the block of this bench test in the rows and columns of its responses.

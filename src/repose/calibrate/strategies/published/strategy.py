@@ -46,14 +46,18 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     settings = study.settings
     if data.empty:
         return make_design_batch(study, settings.seeds)
-    # Fit a surrogate to the means of the samples, and search on it.
+    # Fit a surrogate to the means of the samples, and search on it by the genetic
+    # algorithm (miga).
     samples = summarise_samples(data, space, study.targets)
     training, support = fit_surrogate(study, samples, data)
     inversion = invert(
         training.model, space, study.targets, settings.miga, support=support
     )
     why = "the batch is simulated, and the search on its surrogate gives the answer"
-    answer = make_answer(study, training.model, inversion, data, why, settings.seeds)
+    answer = make_answer(
+        study, training.model, inversion, data, why, n_checks=settings.seeds
+    )
+    # `Published.files` names the last three notes.
     notes = {
         **answer.notes,
         "metrics": training.metrics,
@@ -118,9 +122,12 @@ def make_answer(
     inversion: Inversion,
     data: pd.DataFrame,
     why: str,
-    seeds: int,
+    n_checks: int,
 ) -> Answer:
     """Make the answer from the representative solution of a search.
+
+    The representative solution is the one that the search chose among its feasible
+    ones, or the nearest one to the targets.
 
     Parameters
     ----------
@@ -134,26 +141,27 @@ def make_answer(
         All runs so far.
     why : str
         Why no more runs are needed.
-    seeds : int
+    n_checks : int
         Number of runs that check the answer.
 
     Returns
     -------
     Answer
-        The other feasible solutions are its `others`.
+        Its attribute `others` has the other feasible solutions.
     """
     space = study.parameters
     targets = study.targets
     solutions = inversion.solutions
     names = list(space.names)
-    # The first row is the representative solution. Predict it with its error.
+    # `invert` puts the representative solution first.
     values = solutions.loc[0, names].to_numpy(float)
     is_other = solutions["feasible"] & ~solutions["representative"]
     others = solutions[is_other]
+    # Predict the responses of the answer, and their covariance.
     mean = model.predict(values[None])
     covariance = model.covariance(values[None])
-    # The answer becomes a new sample, to be simulated again.
-    samples = samples_of(space, space.unit(values), seeds, find_next_sample(data))
+    # The answer becomes a new sample, whose runs check it.
+    samples = samples_of(space, space.unit(values), n_checks, find_next_sample(data))
     return Answer(
         values=values,
         mean=mean[0],
@@ -169,9 +177,9 @@ def make_answer(
 
 
 def _note_stop(inversion: Inversion) -> dict[str, Any]:
-    """Return the notes about a search that ended far from all samples.
+    """Return the notes `stop` and `summary` about a search that ended far from samples.
 
-    They are empty if the search has no entry `stop`.
+    There are no notes if the search ended near samples.
     """
     if "stop" not in inversion.summary:
         return {}
@@ -196,15 +204,17 @@ def compute_probabilities(
     Returns
     -------
     dict
-        Probabilities that the means lie `within_1_percent` and `within_2_percent` of
-        all targets, and `inside` all ranges.
+        The attribute `probability` of `Answer`: probabilities that the true means lie
+        within a tolerance of all targets, one for each name in `WITHIN_COLUMNS`, and
+        `inside` all ranges.
     """
     probabilities = {}
-    for percent, column in WITHIN_COLUMNS.items():
+    for percent, name in WITHIN_COLUMNS.items():
+        # `whole` is the number that counts as 100 % of each target.
         tolerance = percent * (targets.whole / 100)
         low = targets.aim - tolerance
         high = targets.aim + tolerance
-        probabilities[column] = float(
+        probabilities[name] = float(
             compute_box_probability(mean, covariance, low, high)[0]
         )
     inside = compute_box_probability(mean, covariance, targets.low, targets.high)

@@ -36,7 +36,8 @@ from repose.calibrate.training import Training
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose the design, then the second stage, and finally give the answer.
 
-    The samples in `data` show which of them comes next.
+    The samples in `data` decide which comes next: no samples, the design; only samples
+    of the design, the second stage; samples of both stages, the answer.
 
     Parameters
     ----------
@@ -49,13 +50,13 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     -------
     Batch or Answer
     """
-    section = study.settings.refine
+    settings = study.settings.refine
     if data.empty:
-        return make_design_batch(study, section.design_seeds)
+        return make_design_batch(study, settings.design_seeds)
     space = study.parameters
     samples = summarise_samples(data, space, study.targets)
-    # The fit uses the samples of a refinement only for training, so the test samples
-    # stay those of the design. A number in the column `round` marks a refinement.
+    # `train_surrogate` uses samples with a number in the column `round` only for
+    # training. So mark the second stage, and the test samples stay those of the design.
     is_second_stage = _mark_second_stage(samples["sample"], study)
     samples["round"] = (
         pd.Series(1, samples.index).where(is_second_stage).astype("Int64")
@@ -64,31 +65,37 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     if not is_second_stage.any():
         return _propose_second_stage(study, training, data)
 
-    # Both stages are simulated: search on the surrogate of all runs.
+    # Both stages are simulated: search on the surrogate of all runs. `support` is the
+    # region that the good samples cover, in which the surrogate can be trusted.
     inversion = invert(
         training.model, space, study.targets, study.settings.miga, support=support
     )
-    why = "the places near the targets are simulated; the search on all runs answers"
-    answer = make_answer(study, training.model, inversion, data, why, section.seeds)
+    why = (
+        "the parameter sets near the targets are simulated; the search on the surrogate "
+        "of all runs gives the answer"
+    )
+    answer = make_answer(
+        study, training.model, inversion, data, why, n_checks=settings.seeds
+    )
     notes = {
         **answer.notes,
-        "steps": _describe_steps(study, n_places=int(is_second_stage.sum())),
+        "steps": _describe_steps(study, n_refined=int(is_second_stage.sum())),
         "fit": training.metrics,
         "optimism": _estimate_optimism(study, training, support, samples, data),
     }
     return replace(answer, notes=notes)
 
 
-def _describe_steps(study: Study, n_places: int) -> tuple[str, ...]:
+def _describe_steps(study: Study, n_refined: int) -> tuple[str, ...]:
     """Describe in sentences the steps that led to the answer.
 
-    `n_places` is the number of samples of the second stage.
+    `n_refined` is the number of samples of the second stage.
     """
     return (
         f"Design: {study.settings.design.samples} parameter sets, and a surrogate of "
         "their runs.",
-        f"Second stage: {n_places} places where this surrogate may meet the targets, a "
-        "run at each.",
+        f"Second stage: {n_refined} parameter sets with which this surrogate may meet "
+        "the targets, a run of each.",
         "Search: the surrogate of all runs, over the whole ranges.",
     )
 
@@ -101,7 +108,7 @@ def _mark_second_stage(numbers: pd.Series, study: Study) -> pd.Series:
 def _propose_second_stage(
     study: Study, training: Training, data: pd.DataFrame
 ) -> Batch:
-    """Make the batch of single runs near the targets.
+    """Propose the second stage: single runs of parameter sets near the targets.
 
     Parameters
     ----------
@@ -117,27 +124,30 @@ def _propose_second_stage(
     Batch
         The samples also have the responses that the surrogate predicts.
     """
-    section = study.settings.refine
+    settings = study.settings.refine
     space = study.parameters
     random = np.random.default_rng(
         [study.settings.design.seed, PURPOSE_STREAMS["refined"]]
     )
-    places = draw_near_targets(
+    points = draw_near_targets(
         training.model,
         space,
         study.targets,
-        count=section.pours,
-        tolerance_percent=section.tolerance_percent,
+        count=settings.pours,
+        tolerance_percent=settings.tolerance_percent,
         random=random,
     )
-    # `_mark_second_stage` recognises these samples by their numbers, which come after
-    # those of the design.
+    # `_mark_second_stage` recognises these samples by their numbers, which must be
+    # larger than the number of samples in the design.
     first_number = max(find_next_sample(data), study.settings.design.samples + 1)
-    samples = samples_of(space, places, seeds=1, first=first_number)
+    samples = samples_of(space, points, seeds=1, first=first_number)
     parameter_sets = samples[list(space.names)].to_numpy(float)
     # Add the predictions, to compare them with the runs later.
     samples[list(study.targets.predicted)] = training.model.predict(parameter_sets)
-    why = "the fit may meet the targets at these places; a run at each decides"
+    why = (
+        "the surrogate may meet the targets with these parameter sets; a run of each "
+        "decides"
+    )
     return Batch(samples, {"why": why, "fit": training.metrics})
 
 
@@ -148,10 +158,11 @@ def _estimate_optimism(
     samples: pd.DataFrame,
     data: pd.DataFrame,
 ) -> list[dict[str, object]]:
-    """Estimate the expected optimism of the answer's prediction.
+    """Estimate how much too good the prediction of the answer probably is.
 
-    The result is a row for each response. It is empty if the noise cannot be estimated,
-    because no sample has two runs, or if the settings ask for no replicates.
+    A search prefers parameter sets for which the noise makes the surrogate agree with
+    the targets. So the predictions there are too near to the targets on average. This
+    is the optimism.
 
     Parameters
     ----------
@@ -162,13 +173,19 @@ def _estimate_optimism(
     support : Support
         The region that the good samples cover.
     samples : pandas.DataFrame
-        The samples of its fit.
+        The samples to which the surrogate was fitted.
     data : pandas.DataFrame
-        Their runs.
+        The runs of these samples.
+
+    Returns
+    -------
+    list of dict
+        A row for each response. It is empty if the noise cannot be estimated, because
+        no sample has two runs, or if the key `miga.replicates` is 0.
     """
     settings = study.settings.miga
-    runs = split_by_bench(data, study.targets)
-    pours = Pours.collect(training.model, samples, runs, study.targets)
+    runs_of_bench_tests = split_by_bench(data, study.targets)
+    pours = Pours.collect(training.model, samples, runs_of_bench_tests, study.targets)
     if pours is None or not settings.replicates:
         return []
     table = estimate_optimism(
@@ -179,6 +196,7 @@ def _estimate_optimism(
         replicates=settings.replicates,
         seed=settings.seed,
     )
+    # pandas allows any type as a column name, but JSON only text.
     return [
         {str(key): value for key, value in row.items()}
         for row in table.to_dict("records")

@@ -78,19 +78,19 @@ class ResponseSurfaceSettings(Section):
     )
 
     @property
-    def fewest_factors(self) -> int:
-        """The smallest number of factors of the surface."""
+    def min_factors(self) -> int:
+        """The smallest number of factors (varied parameters) of the surface."""
         return MIN_FACTORS[self.surface]
 
-    def coded(self, factors: int) -> tuple["np.ndarray", float]:
-        """Make the design of the surface for a number of factors.
+    def make_surface_design(self, factors: int) -> tuple["np.ndarray", float]:
+        """Make the design of the surface for a number of factors (varied parameters).
 
         Returns
         -------
         numpy.ndarray, (n, factors)
-            The samples in coded units.
+            The samples in coded units, in which 0 is the centre of each factor.
         float
-            The outermost level of these samples.
+            The outermost level of these samples, which is 1 or larger.
         """
         from repose.calibrate.designs.box_behnken import box_behnken
         from repose.calibrate.designs.central_composite import central_composite
@@ -134,38 +134,38 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
     ) -> Contradictions:
         """Find settings with too few factors or runs for a response surface.
 
-        The arguments are those of `Strategy.contradictions`.
+        The arguments are those of `Strategy.contradictions`: `free` is the number of
+        free parameters, and `responses`, the number of targets, is not used.
 
         Yields
         ------
         pair of str
-            The key, and what is allowed.
+            The key of the section, and what is allowed, for an error message.
         """
         design = section.surface
-        fewest_factors = section.fewest_factors
-        if free < fewest_factors:
-            fitting = [name for name, fewest in MIN_FACTORS.items() if fewest <= free]
-            choice = " or ".join(fitting) or "another strategy"
+        min_factors = section.min_factors
+        if free < min_factors:
+            # Name the designs that need no more factors than there are, if any.
+            possible = [
+                name for name, minimum in MIN_FACTORS.items() if minimum <= free
+            ]
+            choice = " or ".join(possible) or "another strategy"
             parameters = "parameter" if free == 1 else "parameters"
             yield (
                 "surface",
-                f"{choice} for {free} free {parameters}; {design} needs "
-                f"{fewest_factors}",
+                f"{choice} for {free} free {parameters}; {design} needs {min_factors}",
             )
-        if section.most_factors < fewest_factors:
-            yield "most_factors", f"at least {fewest_factors} where surface is {design}"
+        if section.most_factors < min_factors:
+            yield "most_factors", f"at least {min_factors} where surface is {design}"
         # A linear model has a constant and a slope for each parameter. One more run
         # shows how well it fits.
-        fewest_runs = free + 2
-        if section.screening_runs < fewest_runs:
-            yield (
-                "screening_runs",
-                f"at least {fewest_runs} for {free} free parameters",
-            )
+        min_runs = free + 2
+        if section.screening_runs < min_runs:
+            yield "screening_runs", f"at least {min_runs} for {free} free parameters"
         # A Box-Behnken design has up to three blocks, and each needs a centre run.
-        fewest_centres = 3 if design == "box_behnken" else 1
-        if section.centres < fewest_centres:
-            yield "centres", f"at least {fewest_centres} where surface is {design}"
+        min_centres = 3 if design == "box_behnken" else 1
+        if section.centres < min_centres:
+            yield "centres", f"at least {min_centres} where surface is {design}"
 
     def pours(self, section: ResponseSurfaceSettings, free: int) -> Pours:
         """Return the largest number of runs of each step.
@@ -173,7 +173,7 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
         The screening may keep fewer parameters than `most_factors`.
         """
         most_factors = min(section.most_factors, free)
-        surface, _ = section.coded(most_factors)
+        surface, _ = section.make_surface_design(most_factors)
         return (
             ("screening", section.screening_runs + section.centres, section.seeds),
             ("ascent", section.steps + 1, section.seeds),

@@ -66,7 +66,7 @@ TABLE_MAKERS = {
 def analyse_screening(
     study: Study, table: pd.DataFrame, dataset: pd.DataFrame
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Analyse the samples of the screening.
+    """Choose the parameters that matter from the screening, and plan the ascent.
 
     Parameters
     ----------
@@ -91,13 +91,17 @@ def analyse_screening(
         If the models show no direction towards the targets.
     """
     targets = study.targets
-    names = targets.names
-    section = study.settings.response_surface
-    corner_samples, centre_samples = split_corners_and_centre(table, section.centres)
+    names = list(targets.names)
+    settings = study.settings.response_surface
+    # Fit the models to the corners, and choose the parameters by them.
+    corner_samples, centre_samples = split_corners_and_centre(table, settings.centres)
     models = fit_models(corner_samples, dataset, targets, "linear")
-    corner_means = select_good_samples(corner_samples, dataset)[list(names)].mean()
-    centre_means = select_good_samples(centre_samples, dataset)[list(names)].mean()
-    kept = choose_factors(models, section)
+    kept = choose_factors(models, settings)
+
+    # The ascent starts at the centre, so it needs the mean responses there. They have
+    # the order of the targets.
+    corner_means = select_good_samples(corner_samples, dataset)[names].mean()
+    centre_means = select_good_samples(centre_samples, dataset)[names].mean()
     try:
         ascent_samples = make_ascent_samples(
             models, centre_means.to_numpy(), kept, study
@@ -107,10 +111,10 @@ def analyse_screening(
             source="runs",
             key="targets",
             value=str(error),
-            allowed="a way towards the targets",
+            allowed="models that show a direction towards the targets",
         ) from None
 
-    # Describe the result.
+    # Describe the result. The result and the reason go into the notes.
     dropped = [name for name in study.parameters.free if name not in kept]
     result = {
         "kept": kept,
@@ -122,19 +126,28 @@ def analyse_screening(
     n_new_runs = count_new_runs(table)
     if n_new_runs > 0:
         result["new_runs"] = n_new_runs
+        # The description begins with a blank and ends with a full stop, but `why` must
+        # not end with one.
         why += "." + describe_new_runs(table).removesuffix(".")
     tables = make_analysis_tables("screening", models, targets)
     return ascent_samples, {**tables, "screening": result, "why": why}
 
 
 def make_screening_samples(
-    space: ParameterSpace, section: ResponseSurfaceSettings
+    space: ParameterSpace, settings: ResponseSurfaceSettings
 ) -> pd.DataFrame:
     """Make the samples of the screening.
 
     First come the corners, samples in which every free parameter is at an end of its
-    range. Then the centre is repeated `centres` times. Runs that violate a constraint
-    are replaced by allowed ones.
+    range. Then the centre is repeated `centres` times. Samples that violate a
+    constraint are replaced with allowed ones. A run of the design is a sample.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+        The parameters of the study.
+    settings : ResponseSurfaceSettings
+        The section `response_surface`.
 
     Returns
     -------
@@ -144,22 +157,32 @@ def make_screening_samples(
     Raises
     ------
     InputError
-        If allowed runs do not determine a linear model.
+        If the runs that the constraints allow do not determine a linear model.
     """
-    corners = plackett_burman(space.dimensions, section.screening_runs)
+    corners = plackett_burman(space.dimensions, settings.screening_runs)
     region = _make_region_of_ranges(space)
     # The linear model is fitted to the corners alone.
-    runs = move_forbidden_runs(corners, region, "linear", space)
+    allowed_corners = move_forbidden_runs(corners, region, "linear", space)
     centre = np.zeros(space.dimensions) if region is None else region.centre
-    coded = np.vstack([runs.coded, np.tile(centre, (section.centres, 1))])
-    is_new = np.append(runs.is_new, np.full(section.centres, centre.any()))
-    table = make_samples("screening", space, (1 + coded) / 2, space.free, coded)
+    centre_runs = np.tile(centre, (settings.centres, 1))
+    coded = np.vstack([allowed_corners.coded, centre_runs])
+    # The runs of the centre replace forbidden ones if the centre of the cube, which is
+    # 0 in coded units, is forbidden.
+    is_moved = np.full(settings.centres, centre.any())
+    is_new = np.append(allowed_corners.is_new, is_moved)
+    unit_points = _convert_ranges_to_unit(coded)
+    table = make_samples("screening", space, unit_points, space.free, coded)
     return add_new_run_column(table, is_new, space)
+
+
+def _convert_ranges_to_unit(coded: np.ndarray) -> np.ndarray:
+    """Convert coded units over the whole ranges, -1 to 1, to the unit cube, 0 to 1."""
+    return (1 + coded) / 2
 
 
 def _make_region_of_ranges(space: ParameterSpace) -> Region | None:
     """Make the allowed region of the whole ranges; None if all of it is allowed."""
-    return make_region(space, lambda coded: (1 + coded) / 2, space.dimensions)
+    return make_region(space, _convert_ranges_to_unit, space.dimensions)
 
 
 def split_corners_and_centre(
@@ -172,14 +195,14 @@ def split_corners_and_centre(
 def fit_models(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str
 ) -> list[Model]:
-    """Fit a polynomial to the samples of a step, for each response.
+    """Fit a polynomial to the good samples of a step, for each response.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        The samples of the step.
+        The samples of the step, from `make_samples`, with their coded factors.
     dataset : pandas.DataFrame
-        All samples with their responses.
+        The samples of all steps so far, with their statuses and responses.
     targets : Targets
         The targets of the study.
     order : str
@@ -193,7 +216,7 @@ def fit_models(
     Raises
     ------
     InputError
-        If too few samples are usable.
+        If the good samples do not determine all coefficients.
     """
     samples = select_good_samples(table, dataset)
     factors = list_factors(table)
@@ -202,14 +225,16 @@ def fit_models(
     for name in targets.names:
         response = samples[name].to_numpy(float)
         try:
-            models.append(fit_model(coded, response, factors, order))
+            model = fit_model(coded, response, factors, order)
         except ValueError as error:
+            # This is the only error of `fit_model`: too few different samples.
             raise InputError(
                 source="runs",
                 key="samples that are ok",
                 value=str(error),
                 allowed="enough for the model",
             ) from None
+        models.append(model)
     return models
 
 
@@ -237,14 +262,16 @@ def make_analysis_tables(
     for name, make_table in TABLE_MAKERS.items():
         parts = []
         for response, model in zip(targets.names, models, strict=True):
+            # `make_table` returns a new table, which may be changed here.
             part = make_table(model)
             part.insert(0, "response", response)
             parts.append(part)
+        # `ResponseSurface.files` has the same names, for the files of the workflow.
         tables[f"{step}_{name}"] = pd.concat(parts, ignore_index=True)
     return tables
 
 
-def choose_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[str]:
+def choose_factors(models: list[Model], settings: ResponseSurfaceSettings) -> list[str]:
     """Choose the parameters of the next steps, the most significant first.
 
     A parameter is significant if its effect on at least one response is. If there are
@@ -255,13 +282,13 @@ def choose_factors(models: list[Model], section: ResponseSurfaceSettings) -> lis
     # Rank each factor by its most significant effect. Ties keep the usual order.
     least_p = pd.concat(p_of_models, axis=1).min(axis=1)
     ranking = least_p.reindex(models[0].factors).sort_values(kind="stable")
-    n_significant = int((ranking < section.significance).sum())
-    count = min(max(n_significant, section.fewest_factors), section.most_factors)
+    n_significant = int((ranking < settings.significance).sum())
+    count = min(max(n_significant, settings.min_factors), settings.most_factors)
     return list(ranking.index[:count])
 
 
 def make_ascent_samples(
-    models: list[Model], centre: np.ndarray, kept: list[str], study: Study
+    models: list[Model], centre_means: np.ndarray, kept: list[str], study: Study
 ) -> pd.DataFrame:
     """Make samples along the steepest ascent from the centre towards the targets.
 
@@ -273,8 +300,8 @@ def make_ascent_samples(
     ----------
     models : list of Model
         A linear model for each response.
-    centre : numpy.ndarray, (k,)
-        The mean responses at the centre.
+    centre_means : numpy.ndarray, (k,)
+        The mean responses at the centre, in the order of the targets.
     kept : list of str
         Names of the parameters that are varied. The others stay at the centre.
     study : Study
@@ -292,28 +319,34 @@ def make_ascent_samples(
     """
     space = study.parameters
     targets = study.targets
-    # Collect the slopes (responses, kept parameters) of the models.
+    # Collect the slopes (responses, kept parameters) of the models. The factors of the
+    # models are all free parameters.
     factor_numbers = [models[0].factors.index(name) for name in kept]
     slopes = np.array([model.coefficients[factor_numbers] for model in models])
     direction = ascent.compute_ascent_direction(
-        slopes, targets.aim - centre, compute_scale(targets)
+        slopes, targets.aim - centre_means, compute_scale(targets)
     )
-    # Start at the centre of the ranges, or of their allowed part.
+    # Start at the centre of the ranges, or of their allowed part. `start` has all free
+    # parameters in coded units.
     region_of_ranges = _make_region_of_ranges(space)
     start = np.zeros(space.dimensions)
     if region_of_ranges is not None:
         start = region_of_ranges.centre
-    columns = [space.free.index(name) for name in kept]
+    kept_columns = [space.free.index(name) for name in kept]
 
     def convert_to_unit(coded: np.ndarray) -> np.ndarray:
-        """Convert coded points of the kept parameters to points of the unit cube."""
-        unit = np.repeat((1 + start[None]) / 2, len(coded), axis=0)
-        unit[:, columns] = (1 + coded) / 2
-        return unit
+        """Convert coded points of the kept parameters to points of the unit cube.
 
+        The other parameters stay at the start.
+        """
+        all_coded = np.repeat(start[None], len(coded), axis=0)
+        all_coded[:, kept_columns] = coded
+        return _convert_ranges_to_unit(all_coded)
+
+    # Make the path in coded units of the kept parameters.
     steps = study.settings.response_surface.steps
-    coded = ascent.make_ascent_path(direction, steps, start[columns])
+    path = ascent.make_ascent_path(direction, steps, start[kept_columns])
     region = make_region(space, convert_to_unit, len(kept))
     if region is not None:
-        coded = np.array([region.find_nearest(point) for point in coded])
-    return make_samples("ascent", space, convert_to_unit(coded), kept, coded)
+        path = np.array([region.find_nearest(point) for point in path])
+    return make_samples("ascent", space, convert_to_unit(path), kept, path)

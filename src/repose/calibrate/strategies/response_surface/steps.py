@@ -27,7 +27,7 @@ NEW_RUN_COLUMN = "is_new"
 def make_samples(
     step: str,
     space: ParameterSpace,
-    unit: np.ndarray,
+    unit_points: np.ndarray,
     factors: Sequence[str],
     coded: np.ndarray,
 ) -> pd.DataFrame:
@@ -39,7 +39,7 @@ def make_samples(
         One of `STEPS`.
     space : ParameterSpace
         The parameters of the study.
-    unit : numpy.ndarray, (n, d)
+    unit_points : numpy.ndarray, (n, d)
         The free parameters in the unit cube.
     factors : sequence of str
         The parameters that the step varies.
@@ -53,7 +53,7 @@ def make_samples(
         `CODED_PREFIX`.
     """
     first = NUMBERS_PER_STEP * (STEPS.index(step) + 1) + 1
-    table = tabulate_parameter_sets(unit, space, first)
+    table = tabulate_parameter_sets(unit_points, space, first)
     for name, column in zip(factors, np.asarray(coded).T, strict=True):
         table[CODED_PREFIX + name] = column
     return table
@@ -69,7 +69,7 @@ def list_factors(table: pd.DataFrame) -> tuple[str, ...]:
 
 
 def select_good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
-    """Select the good samples of a step, with their responses.
+    """Select the good samples of a step (those with the status ok), with their responses.
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ def select_good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFr
     joined = table[["sample", *coded_columns]].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
     if good.empty:
-        statuses = sorted(set(dataset["status"]))
+        statuses = sorted(set(joined["status"]))
         raise InputError(
             source="runs",
             key="status",
             value=statuses,
-            allowed="at least one sample that is ok",
+            allowed="ok for at least one sample of the step",
         )
     return good
 
@@ -153,10 +153,11 @@ def make_region(
 def move_forbidden_runs(
     coded: np.ndarray, region: Region | None, order: str, space: ParameterSpace
 ) -> AllowedDesign:
-    """Replace the runs of a design that violate constraints.
+    """Replace the runs of a design that violate constraints with allowed ones.
 
-    If the centre of the cube is forbidden, its runs are moved to the centre of the
-    region. The other forbidden runs are replaced by D-optimal ones.
+    If the centre of the cube is forbidden, the centre runs of the design are moved to
+    the centre of the allowed region. The other forbidden runs are replaced with
+    D-optimal ones, which determine the coefficients of the model as well as possible.
 
     Parameters
     ----------
@@ -180,8 +181,10 @@ def move_forbidden_runs(
         If the allowed runs do not determine all coefficients of the model.
     """
     if region is None:
+        # No run is forbidden, so this returns the design itself.
         return replace_forbidden(coded, None, order)
     is_centre = (coded == 0).all(axis=1)
+    # Both calls raise a ValueError if the allowed region is empty or too narrow.
     try:
         moved = np.where(is_centre[:, None], region.centre, coded)
         design = replace_forbidden(moved, region, order)
@@ -192,12 +195,13 @@ def move_forbidden_runs(
             key="constraints",
             value=constraints,
             allowed=(
-                f"constraints that leave room for a {order} model of response_surface; "
-                f"{error}"
+                f"constraints that allow enough different runs for a {order} model of "
+                f"response_surface; {error}"
             ),
         ) from None
-    # The runs of the centre are new if the centre was moved.
-    is_moved = is_centre & region.centre.any()
+    # The centre runs are also new if the centre is no longer that of the cube, at 0.
+    has_moved_centre = region.centre.any()
+    is_moved = is_centre & has_moved_centre
     return AllowedDesign(design.coded, design.is_new | is_moved)
 
 

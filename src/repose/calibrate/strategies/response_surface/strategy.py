@@ -37,14 +37,14 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """
     space = study.parameters
     targets = study.targets
-    section = study.settings.response_surface
+    settings = study.settings.response_surface
     notes: dict[str, Any] = {}
 
     def batch(samples: pd.DataFrame) -> Batch:
-        return Batch(samples.assign(seeds=section.seeds), notes)
+        return Batch(samples.assign(seeds=settings.seeds), notes)
 
     # Screen the parameters.
-    screening_samples = screening.make_screening_samples(space, section)
+    screening_samples = screening.make_screening_samples(space, settings)
     if _is_not_simulated(data, screening_samples):
         return batch(screening_samples)
     dataset = summarise_samples(data, space, targets)
@@ -65,7 +65,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         f"sample {nearest['sample']} is nearest to the targets, "
         f"{nearest['error_percent']:.2f} % off"
     )
-    surface_samples = surface.make_surface_samples(points, space, section)
+    surface_samples = surface.make_surface_samples(points, space, settings)
     if count_new_runs(surface_samples):
         sentence = describe_new_runs(surface_samples)
         notes["why"] += "." + sentence.removesuffix(".")
@@ -76,7 +76,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     models = screening.fit_models(surface_samples, dataset, targets, "quadratic")
     region = surface.make_surface_region(surface_samples, space)
     optimum = surface.find_best_point(models, targets, region)
-    check = surface.make_check_samples(surface_samples, optimum, space, section.checks)
+    check = surface.make_check_samples(surface_samples, optimum, space, settings.checks)
     notes |= screening.make_analysis_tables("surface", models, targets)
     notes["surface"] = surface_samples
     notes |= surface.make_notes(models, optimum, check, study)
@@ -87,17 +87,17 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     checked = dataset[dataset["sample"].isin(check["sample"])]
     notes["check"] = surface.add_check(notes["predictions"], checked)
     notes["summary"] = {"surfaces_meet_targets": optimum.met}
-    notes["steps"] = _describe_steps(section, screening_samples, surface_samples)
-    unit = surface.convert_to_unit_cube(surface_samples, optimum.coded, space)
+    notes["steps"] = _describe_steps(settings, screening_samples, surface_samples)
+    unit_points = surface.convert_to_unit_cube(surface_samples, optimum.coded, space)
     mean = optimum.predicted
     covariance = np.diag(notes["predictions"]["standard_error"] ** 2)
     others = surface.find_alternatives(models, surface_samples, study)
     return Answer(
-        values=space.values(unit)[0],
+        values=space.values(unit_points)[0],
         mean=mean,
         covariance=covariance,
         probability=compute_probabilities(mean[None], covariance[None], targets),
-        samples=samples_of(space, unit, section.checks, find_next_sample(data)),
+        samples=samples_of(space, unit_points, settings.checks, find_next_sample(data)),
         why="the optimum of the surfaces is simulated",
         others=others.sets,
         others_mean=others.mean,
@@ -107,18 +107,18 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
 
 
 def _describe_steps(
-    section: ResponseSurfaceSettings,
+    settings: ResponseSurfaceSettings,
     screening_samples: pd.DataFrame,
     surface_samples: pd.DataFrame,
 ) -> tuple[str, ...]:
     """Describe in sentences the steps that led to the answer."""
     kept = ", ".join(list_factors(surface_samples))
     return (
-        f"Screening: {section.screening_runs} runs of a Plackett-Burman design and "
-        f"{section.centres} of the centre; kept: {kept}."
+        f"Screening: {settings.screening_runs} runs of a Plackett-Burman design and "
+        f"{settings.centres} of the centre; kept: {kept}."
         f"{describe_new_runs(screening_samples)}",
         "Steepest ascent towards the targets, to the best point of the path.",
-        f"Surface: {len(surface_samples)} parameter sets about it ({section.surface}), "
+        f"Surface: {len(surface_samples)} parameter sets about it ({settings.surface}), "
         "a quadratic model for each response, and its optimum."
         f"{describe_new_runs(surface_samples)}",
     )

@@ -63,12 +63,13 @@ def rank_path_points(
 
 
 def make_surface_samples(
-    points: pd.DataFrame, space: ParameterSpace, section: ResponseSurfaceSettings
+    points: pd.DataFrame, space: ParameterSpace, settings: ResponseSurfaceSettings
 ) -> pd.DataFrame:
-    """Make the samples of the surface around the best point of the path.
+    """Make the samples of the surface around the best point of the path of ascent.
 
-    The outermost levels of each factor lie `section.reach` times its range away from
-    the centre. The centre is moved if a factor would otherwise leave its range.
+    A factor is a parameter that the surface varies. Its outermost levels lie
+    `settings.reach` times its range away from the centre. The centre is moved if a
+    factor would otherwise leave its range.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def make_surface_samples(
         The path, from `rank_path_points`.
     space : ParameterSpace
         The parameters of the study.
-    section : ResponseSurfaceSettings
+    settings : ResponseSurfaceSettings
         The section `response_surface`.
 
     Returns
@@ -90,8 +91,9 @@ def make_surface_samples(
         If allowed runs do not determine a quadratic model.
     """
     factors = list_factors(points)
-    reach = section.reach
-    coded, outermost_level = section.coded(len(factors))
+    reach = settings.reach
+    # The design in coded units, in which 0 is the centre of each factor.
+    coded_design, outermost_level = settings.make_surface_design(len(factors))
 
     # Move the centre inwards just enough for the outermost levels to stay in the unit
     # cube.
@@ -105,12 +107,14 @@ def make_surface_samples(
 
         The other parameters stay at the best point.
         """
-        unit = np.repeat(best_unit, len(coded), axis=0)
-        unit[:, columns] = centre + reach / outermost_level * coded
-        return unit
+        unit_points = np.repeat(best_unit, len(coded), axis=0)
+        # The outermost coded level is at the distance `reach` from the centre.
+        unit_points[:, columns] = centre + reach / outermost_level * coded
+        return unit_points
 
+    # Replace the runs that violate constraints.
     region = make_region(space, convert_to_unit, len(factors))
-    runs = move_forbidden_runs(coded, region, "quadratic", space)
+    runs = move_forbidden_runs(coded_design, region, "quadratic", space)
     table = make_samples(
         "surface", space, convert_to_unit(runs.coded), factors, runs.coded
     )
@@ -170,6 +174,9 @@ def _make_conversion(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Make the function that converts coded points of a surface to the unit cube.
 
+    A factor is a parameter that the surface varies. Its levels are its values in coded
+    units. At least two levels must differ.
+
     Parameters
     ----------
     table : pandas.DataFrame
@@ -204,9 +211,9 @@ def _make_conversion(
     def convert_to_unit(points: np.ndarray) -> np.ndarray:
         offsets = np.atleast_2d(points) - np.array(low_levels)
         # Parameters other than the factors are the same in all samples.
-        unit = np.repeat(samples[:1], len(offsets), axis=0)
-        unit[:, columns] = np.array(low_coordinates) + np.array(slopes) * offsets
-        return unit
+        unit_points = np.repeat(samples[:1], len(offsets), axis=0)
+        unit_points[:, columns] = np.array(low_coordinates) + np.array(slopes) * offsets
+        return unit_points
 
     return convert_to_unit
 
@@ -214,7 +221,7 @@ def _make_conversion(
 def find_alternatives(
     models: list[Model], table: pd.DataFrame, study: Study
 ) -> Alternatives:
-    """Find parameter sets inside the design that are predicted to meet all ranges.
+    """Find parameter sets inside the design that are predicted inside all ranges.
 
     Parameters
     ----------
@@ -236,7 +243,8 @@ def find_alternatives(
     targets = study.targets
     settings = study.settings
 
-    # Predict the responses at points all over the cube.
+    # Predict the responses at points that are spread over the cube of the factors, in
+    # coded units from -1 to 1. Drop the points that violate constraints.
     sequence = qmc.Sobol(len(models[0].factors), rng=settings.design.seed)
     coded = 2 * sequence.random(N_POINTS) - 1
     region = make_surface_region(table, space)
@@ -248,12 +256,15 @@ def find_alternatives(
     # Sort the points inside all ranges by their distance from the aims.
     deviation = (predicted - targets.aim) / compute_scale(targets)
     nearest_first = np.argsort((deviation**2).sum(axis=1), kind="stable")
-    rows = nearest_first[is_inside[nearest_first]]
+    inside_rows = nearest_first[is_inside[nearest_first]]
 
-    # Choose points that are far enough from each other.
-    unit = convert_to_unit_cube(table, coded[rows], space)
-    separated = select_separated(unit, settings.miga)
-    return Alternatives(space.values(unit[separated]), predicted[rows][separated])
+    # Choose points that are far enough from each other, in the unit cube. The number of
+    # solutions and their distance are settings of the search (`miga`).
+    unit_points = convert_to_unit_cube(table, coded[inside_rows], space)
+    separated = select_separated(unit_points, settings.miga)
+    return Alternatives(
+        space.values(unit_points[separated]), predicted[inside_rows][separated]
+    )
 
 
 def make_check_samples(
@@ -263,9 +274,11 @@ def make_check_samples(
 
     `table` has the samples of the surface.
     """
-    unit = np.repeat(convert_to_unit_cube(table, best.coded, space), count, axis=0)
+    unit_points = np.repeat(
+        convert_to_unit_cube(table, best.coded, space), count, axis=0
+    )
     coded = np.repeat(best.coded[None], count, axis=0)
-    return make_samples("check", space, unit, list_factors(table), coded)
+    return make_samples("check", space, unit_points, list_factors(table), coded)
 
 
 def make_notes(
@@ -305,7 +318,7 @@ def make_notes(
 
 
 def predict_at_optimum(
-    models: list[Model], best: Optimum, targets: Targets, runs: int
+    models: list[Model], best: Optimum, targets: Targets, n_runs: int
 ) -> pd.DataFrame:
     """Predict the responses at the optimum.
 
@@ -317,8 +330,8 @@ def predict_at_optimum(
         The optimum of the models.
     targets : Targets
         The targets of the study.
-    runs : int
-        Number of runs of the check.
+    n_runs : int
+        Number of runs of the check, which simulates the optimum again.
 
     Returns
     -------
@@ -333,14 +346,14 @@ def predict_at_optimum(
     table["standard_error"] = [
         float(model.standard_error(point)[0]) for model in models
     ]
-    t = np.array([_compute_t_quantile(model) for model in models])
+    t_quantile = np.array([_compute_t_quantile(model) for model in models])
     # The mean of the runs also scatters about the true mean.
-    variance_of_mean = [model.variance / runs for model in models]
+    variance_of_mean = [model.variance / n_runs for model in models]
     error_of_runs = np.sqrt(table["standard_error"] ** 2 + variance_of_mean)
-    table["mean_low"] = table["predicted"] - t * table["standard_error"]
-    table["mean_high"] = table["predicted"] + t * table["standard_error"]
-    table["low"] = table["predicted"] - t * error_of_runs
-    table["high"] = table["predicted"] + t * error_of_runs
+    table["mean_low"] = table["predicted"] - t_quantile * table["standard_error"]
+    table["mean_high"] = table["predicted"] + t_quantile * table["standard_error"]
+    table["low"] = table["predicted"] - t_quantile * error_of_runs
+    table["high"] = table["predicted"] + t_quantile * error_of_runs
     return table
 
 
