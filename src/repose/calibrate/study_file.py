@@ -185,7 +185,7 @@ class StudyFile(Section):
     def _check_budget(
         cls, section: OwnSequential, info: ValidationInfo
     ) -> OwnSequential:
-        """Refuse a start that is larger than the budget."""
+        """Raise an error if the start has more runs than the budget."""
         runs_of_start = section.start_samples * section.seeds
         is_used = info.data.get("strategy") == "sequential"
         if is_used and runs_of_start > section.most_runs:
@@ -196,7 +196,7 @@ class StudyFile(Section):
     @field_validator("parameters")
     @classmethod
     def _check_parameters(cls, parameters: dict[str, Any]) -> dict[str, Any]:
-        """Refuse bad names, ranges far from their priors, and only fixed parameters."""
+        """Check the names, that ranges are near priors, and that a parameter is free."""
         refuse([*_find_bad_columns(parameters), *find_far_priors(parameters)])
         if not count_free(parameters):
             refuse([("", "at least one range or prior")])
@@ -207,8 +207,9 @@ class StudyFile(Section):
     def _check_constraints(
         cls, constraints: tuple[str, ...], info: ValidationInfo
     ) -> tuple[str, ...]:
-        """Refuse constraints of unknown parameters, and those that allow too little."""
-        # A fault of the parameters is reported separately.
+        """Check that constraints name known parameters, and allow enough of the ranges."""
+        # If the parameters are invalid, `info.data` does not have them, and pydantic
+        # reports them separately.
         if "parameters" in info.data:
             refuse(find_constraint_faults(constraints, info.data["parameters"]))
         return constraints

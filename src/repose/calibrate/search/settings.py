@@ -97,6 +97,6 @@ class MigaSettings(Section):
         return method.make_section_with_defaults(cls, "miga", keys)
 
     def contradictions(self) -> Contradictions:
-        """Refuse a tournament larger than its population."""
+        """Raise an error if a tournament is larger than the population."""
         if self.tournament > self.population:
             yield "tournament", f"at most miga.population, {self.population}"

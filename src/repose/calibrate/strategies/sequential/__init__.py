@@ -89,7 +89,7 @@ class Sequential(Strategy[SequentialSettings]):
     def contradictions(
         self, section: SequentialSettings, free: int, responses: int
     ) -> Contradictions:
-        """Refuse a start that repeats no runs, or that exceeds the budget."""
+        """Find a start that has too few repeated runs, or exceeds the budget."""
         if section.start_samples * (section.seeds - 1) <= responses:
             yield "seeds", "at least 2: the noise comes from pours of one sample"
         if section.start_samples * section.seeds > section.most_pours:

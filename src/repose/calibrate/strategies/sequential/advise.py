@@ -140,13 +140,13 @@ def advise(
     observed: ObservedSamples,
     goal: Goal,
     settings: SequentialSettings,
-    done: int,
+    n_done: int,
     random: Generator,
     noise: np.ndarray | None,
 ) -> Advice:
     """Choose the next batch, or the answer.
 
-    No proposed point is nearer to a failed sample than to a good one.
+    If possible, no proposed point is nearer to a failed sample than to a good one.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def advise(
         The targets within their tolerance.
     settings : SequentialSettings
         The section `sequential`.
-    done : int
+    n_done : int
         Number of runs so far, including failed ones.
     random : numpy.random.Generator
         Source of the random numbers.
@@ -177,7 +177,7 @@ def advise(
     probability = _compute_probability(model, goal, answer)
 
     # Decide whether to stop. The key `most_pours` is the budget of runs.
-    runs_left = max(settings.most_pours - done, 0)
+    runs_left = max(settings.most_pours - n_done, 0)
     n_samples = min(settings.batch, runs_left // settings.seeds)
     allowed = ranking.points
     if goal.space.constraints:
@@ -189,7 +189,7 @@ def advise(
     ends = find_nearest_ends(reach.points)
     if not goal.space.is_allowed(np.where(np.isfinite(ends), ends, answer)[None])[0]:
         ends = np.full(len(ends), np.nan)
-    is_past_start = done > settings.start_samples * settings.seeds
+    is_past_start = n_done > settings.start_samples * settings.seeds
     stop = _find_reason_to_stop(
         settings,
         probability=probability,

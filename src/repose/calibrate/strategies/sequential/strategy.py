@@ -49,9 +49,9 @@ NO_RUN_AT_END_REMARK = (
 STOP_SENTENCES = {
     "probability": "the answer meets the targets with the requested probability",
     "out_of_reach": f"probably no parameter set meets the targets: {NEAREST_REMARK}",
-    "budget": "the budget of pours is used up",
+    "budget": "the budget of runs is used up",
     "noise": (
-        "the remaining pours cannot make the answer more probable: the noise is "
+        "the remaining runs cannot make the answer more probable: the noise is "
         "too large"
     ),
 }
@@ -341,7 +341,7 @@ def _make_input_error(
         )
     return InputError(
         source="runs",
-        key="pours",
+        key="runs",
         value=str(error),
         allowed="enough for an estimate of the noise",
     )
@@ -486,7 +486,7 @@ def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
 def _explain(advice: Advice) -> str:
     """Explain in words why the search stops, or how it continues."""
     if advice.stop is None:
-        return f"{len(advice.batch)} more samples are poured"
+        return f"{len(advice.batch)} more samples are simulated"
     why = STOP_SENTENCES[advice.stop]
     # The sentence about targets out of reach already says so.
     if advice.stop in ("budget", "noise") and advice.is_nearest:
@@ -520,8 +520,8 @@ def _describe_end(
     summary["tolerance_percent"] = tolerance
     steps = (
         f"Start: {settings.start_samples} parameter sets all over the ranges, each "
-        f"poured {settings.seeds} times.",
-        f"Batches: each around the best point so far; {len(data)} pours in total. They "
+        f"simulated {settings.seeds} times.",
+        f"Batches: each around the best point so far; {len(data)} runs in total. They "
         f"stopped: {notes['why']}.",
         "Model: kriging of the samples' means with their known errors. The answer lies "
         f"within {tolerance:g} % of all targets with probability "
