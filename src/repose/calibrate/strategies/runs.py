@@ -164,9 +164,8 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
                 ),
             )
 
-    # The correlation matrix of k responses is singular for any k or fewer runs, because
-    # their mean takes one degree of freedom. Require one more run than the k + 1 that
-    # could show a dependence.
+    # With at most k runs, the correlation matrix of k responses is always singular, and
+    # with k + 1 runs it may be almost singular by chance. So skip the check then.
     complete = data[names].dropna()
     if len(complete) <= len(names) + 1:
         return

@@ -160,8 +160,8 @@ class ObservedSamples(NamedTuple):
         k = self.values.shape[2]
         # The residual of a missing run is 0, which does not change the sums.
         residuals = self.residuals.reshape(-1, k)
-        # A covariance of k responses needs at least k degrees of freedom to have full
-        # rank. One more is required, so that it is not merely just invertible.
+        # With fewer than k degrees of freedom, the covariance of k responses is
+        # singular, and with k it may be almost so. `find_noise` has the same limit.
         if self.degrees_of_freedom <= k:
             raise ValueError(
                 f"{self.degrees_of_freedom} runs beyond the first of each sample; "

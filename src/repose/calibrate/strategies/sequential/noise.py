@@ -113,8 +113,7 @@ def find_noise(
             value=0,
             allowed="runs that did not fail",
         )
-    # First choice: replicates. `ObservedSamples.estimate_noise` raises an error for
-    # fewer degrees of freedom than this.
+    # First choice: replicates. `ObservedSamples.estimate_noise` has the same limit.
     runs_per_sample = observed.counts
     has_enough_replicates = observed.degrees_of_freedom > len(names)
     if has_enough_replicates:
@@ -122,7 +121,8 @@ def find_noise(
             covariance = observed.estimate_noise()
             return Noise(covariance, dict.fromkeys(names, REPLICATES))
         except ValueError:
-            # The replicates are equal, so a sample tells as much as a single run.
+            # The replicates do not show the noise, because they are equal or
+            # proportional. So count all runs of a sample as one.
             runs_per_sample = np.ones_like(runs_per_sample)
 
     # Otherwise find the noise of each response separately, because the correlation of
