@@ -26,7 +26,7 @@ from repose.export.job import average_over_surface, make_job
 from repose.export.lammps import (
     TSUJI_COEFFICIENTS,
     compute_restitutions,
-    write_contact_law,
+    format_contact_law,
 )
 from repose.export.laws import compute_rolling_coefficient
 from repose.export.liggghts import MIN_RESTITUTION, find_prime
@@ -83,7 +83,7 @@ def test_liggghts_gets_the_frictions_and_the_duration(job):
 
 def test_lammps_gets_the_moduli_of_the_pair_and_half_the_critical_dashpot(job):
     # two surfaces of this E and nu have the pair's E*; the tangential stiffness is 8 G*
-    keywords = write_contact_law(job, job.on_wall).split()
+    keywords = format_contact_law(job, job.on_wall).split()
     young = float(keywords[1])
     poisson = float(keywords[3])
     expected = job.on_wall.effective_young_pa
@@ -462,7 +462,9 @@ def test_cohesion_is_written(config):
 def test_twisting_friction_of_either_contact_is_named(config, friction, expected):
     job = job_of(config, THREE, "hertz_mindlin", **friction)
     lines = laws.describe_law_constants(job)
-    found = [re.search(r": (.*); this deck has none", line)[1] for line in lines]
+    found = [
+        re.search(r": (.*); this input script has none", line)[1] for line in lines
+    ]
     assert found == expected
 
 
@@ -492,7 +494,7 @@ CONTACT = {
     (
         "liggghts",
         "hertz_mindlin_rescaled",
-    ): "grows and falls with the normal load; in the study it stays on loading",
+    ): "grows and falls with the normal force; in the study it stays as it is",
     (
         "liggghts",
         "sjkr",
@@ -502,11 +504,11 @@ CONTACT = {
     (
         "yade",
         "hertz_mindlin",
-    ): "stays as it is when the normal load changes; in the study it grows and falls",
+    ): "stays as it is when the normal force changes; in the study it grows and falls",
     (
         "yade",
         "hertz_mindlin_rescaled",
-    ): "stays as it is when the normal load changes; in the study it stays on",
+    ): "when the normal force changes; in the study it stays as it is while",
     ("edem", "hertz_mindlin"): "Hertz-Mindlin (no slip)",
     ("edem", "hertz_mindlin_rescaled"): "Hertz-Mindlin (no slip)",
     ("edem", "jkr"): "Hertz-Mindlin with JKR",
@@ -520,11 +522,11 @@ ROLLING = {
     (
         "lammps",
         "epsd",
-    ): "with its own stiffness and damping; in the study epsd between two bodies",
+    ): "with its own stiffness and damping; in the study epsd is between two grains",
     (
         "lammps",
         "epsd2",
-    ): "with its own stiffness and damping; in the study epsd2 between two bodies",
+    ): "with its own stiffness and damping; in the study epsd2 is between two grains",
     ("yade", "budget"): "includeMoment=True",
     ("edem", "budget"): "Standard Rolling Friction (Type A)",
 }

@@ -25,7 +25,18 @@ def _format_float(value: object) -> object:
     return format_number(value) if isinstance(value, float) else value
 
 
-# A deck is not HTML, so special characters need not be escaped.
+# Distance between the surfaces of two spheres up to which neighbour lists include them,
+# over the mean radius of the spheres. The lists then stay valid for several time steps.
+SKIN_FRACTION = 0.75
+# Distance of the sides and the top of the box from the outermost positions of the
+# centres of grains, over the radius of a grain.
+MARGIN_FACTOR = 4.0
+# Half of the height of the flat region in which grains are created [m].
+HALF_FACTORY_DEPTH_M = 1e-4
+# Number of times that a program prints its state during a run.
+N_REPORTS = 20
+
+# An input script is not HTML, so special characters need not be escaped.
 _ENVIRONMENT = Environment(  # nosec B701
     loader=FileSystemLoader(Path(__file__).parent),
     trim_blocks=True,
@@ -59,7 +70,14 @@ def fill_template(name: str, job: Job, **values: object) -> str:
 def collect_common_values(job: Job) -> dict[str, Any]:
     """Collect the values that all templates share, by their names in the templates.
 
-    Lengths are in m, and durations are numbers of time steps.
+    The templates are the files *.jinja in this folder. A key that is renamed here must
+    be renamed in all of them.
+
+    Returns
+    -------
+    dict
+        Lengths are in m, moments of inertia in kg m2, and durations are numbers of time
+        steps. The three conditions are bools, and `job` is the job itself.
     """
     particle = job.particle
     grain_radius_m = particle.bounding_radius_m
@@ -74,27 +92,28 @@ def collect_common_values(job: Job) -> dict[str, Any]:
         "sphere": job.is_sphere,
         "clump": not job.is_sphere,
         "tube": job.surfaces.tube_length_m > 0.0,
-        # The grain.
+        # The grain. `radius` is that of its first sphere, which templates only use if
+        # the grain is a single sphere. `reach` is the radius of a sphere around the
+        # whole grain.
         "radius": float(particle.spheres_m[0, 3]),
         "reach": grain_radius_m,
         "ixx": ixx,
         "iyy": iyy,
         "izz": izz,
-        # The box.
-        "half": scene_radius_m + 4.0 * grain_radius_m,
-        "top": factory_height_m + 4.0 * grain_radius_m,
-        # Neighbour lists also include spheres up to this distance apart, so that they
-        # stay valid for several time steps.
-        "skin": 0.75 * job.mean_radius_m,
-        # The factory.
+        # Half the width of the box that contains everything, and its upper end.
+        "half": scene_radius_m + MARGIN_FACTOR * grain_radius_m,
+        "top": factory_height_m + MARGIN_FACTOR * grain_radius_m,
+        "skin": SKIN_FRACTION * job.mean_radius_m,
+        # The factory, a flat cylinder in which grains are created.
         "factory_radius": job.factory_radius_m,
         "factory_height": factory_height_m,
-        "factory_low": factory_height_m - 1e-4,
-        "factory_high": factory_height_m + 1e-4,
-        # The pour.
+        "factory_low": factory_height_m - HALF_FACTORY_DEPTH_M,
+        "factory_high": factory_height_m + HALF_FACTORY_DEPTH_M,
+        # Time steps between two grains, time steps of the whole run, and time steps
+        # between two printed lines about its state.
         "every": job.count_steps(1.0 / job.funnel.rate_per_s),
         "steps": n_steps,
-        "thermo": max(1, n_steps // 20),
+        "thermo": max(1, n_steps // N_REPORTS),
     }
 
 
@@ -103,16 +122,16 @@ def join_numbers(values: Iterable[float], separator: str = " ") -> str:
     return separator.join(map(format_number, values))
 
 
-# --- the head of a deck ---------------------------------------------------------------
+# --- the head of an input script ------------------------------------------------------
 
 
-def write_head(
+def format_head(
     job: Job, program_differences: Sequence[str], comment: str = "# "
 ) -> str:
-    """Write the comment lines at the head of a deck.
+    """Format the comment lines at the head of an input script.
 
     These lines name the study, and state its parameters and all differences between the
-    deck and the study.
+    script and the study.
 
     Parameters
     ----------
@@ -129,12 +148,14 @@ def write_head(
     str
         The lines, without a line break at the end.
     """
+    # The contacts between two grains, and between grain and wall.
     grains = job.grains
     on_wall = job.on_wall
     percent = 100 * job.time_step_s / job.rayleigh_s
     lines = [
         f"Pour of {job.funnel.berries} grains of the study `{job.label}`, written by "
         "`repose export`. SI units.",
+        # This sentence is broken into two lines.
         f"Calibrated: e {grains.restitution:.6g}, mu_s {grains.static_friction:.6g}, "
         f"mu_r {grains.rolling_friction:.6g} between",
         f"grains; e {on_wall.restitution:.6g}, mu_s {on_wall.static_friction:.6g}, "
@@ -142,7 +163,7 @@ def write_head(
         *describe_law_constants(job),
         f"Time step {job.time_step_s:g} s: {percent:.1f} % of the Rayleigh time of the "
         "smallest sphere.",
-        "Not as in the study:",
+        "Differences from the study:",
     ]
     differences = (*_list_common_differences(job), *program_differences, *job.notes)
     lines += [f"- {difference}" for difference in differences]
@@ -150,34 +171,39 @@ def write_head(
 
 
 def _list_common_differences(job: Job) -> list[str]:
-    """List the differences from the study that the decks of all programs have."""
+    """List the differences from the study that all other programs have.
+
+    Each is a description without a full stop.
+    """
     differences = [_describe_rolling_difference(job)]
     if not job.is_sphere:
         differences.append(
-            "each pair of spheres is damped with the bodies' masses; in the study the "
-            "spheres of one pair of bodies share the damping, and the mass counts the "
-            "rotation"
+            "each pair of spheres is damped with the masses of its two grains; in the "
+            "study all pairs of spheres of two grains share the damping, and the "
+            "effective mass includes the rotation of the grains"
         )
     differences.append(
-        "no dashpot along the tangent; in the study Coulomb's limit includes it. In "
-        "LIGGGHTS and YADE its force is added to that limit, in LAMMPS it winds up the "
-        "spring: the friction of a grazing impact was 1.7 times that of the study, or a "
-        "sixth of it"
+        "there is no tangential dashpot; in the study there is one, and Coulomb's limit "
+        "includes its force. LIGGGHTS and YADE would add this force to the limit, and "
+        "in LAMMPS it would wind up the spring: the friction of a grazing impact was 1.7 "
+        "times that of the study, or a sixth of it"
     )
     if job.simulation.tension == "keep":
         differences.append(
-            "Coulomb's limit uses the damped normal force, in the study only its elastic "
-            "part"
+            "Coulomb's limit uses the damped normal force; in the study it uses only the "
+            "elastic part of this force"
         )
     return differences
 
 
 def _describe_rolling_difference(job: Job) -> str:
-    """Describe how the rolling resistance in a deck differs from that in the study.
+    """Describe how the rolling resistance in a program differs from that in the study.
 
-    If the law of the study acts on each body, no program has an equivalent, so the deck
-    uses another law. The programs do have the other laws, but let them act between two
-    spheres instead of two grains.
+    There are two kinds of laws. A law of the first kind resists the rotation of each
+    grain by itself. No other program has such a law, so the input script uses another
+    one. A law of the second kind resists the rotation of one grain relative to another.
+    Other programs have these laws, but apply them to two touching spheres instead of
+    two whole grains.
 
     Parameters
     ----------
@@ -191,27 +217,31 @@ def _describe_rolling_difference(job: Job) -> str:
     """
     law = job.simulation.rolling_law
     lever_mm = 1e3 * job.lever_m
+    # `of_each_body` tells a law of the first kind.
     if ROLLING_LAWS.entry(law).of_each_body:
         difference = (
             "rolling resistance is a spring with a limit against the relative rotation "
-            "(model C of Ai et al. 2011, with or without damping); in the study each body "
-            "has a budget (model A). The coefficients here are those of the study times "
-            f"the mean lever {lever_mm:.3g} mm over the effective radius of two spheres"
+            "(model C of Ai et al. 2011, with or without damping); in the study each "
+            "grain has a limited torque of its own (model A). The coefficients here are "
+            f"those of the study times the mean lever arm {lever_mm:.3g} mm over the "
+            "effective radius of two spheres"
         )
         if job.is_sphere:
+            # The numbers were measured.
             difference += (
-                "; with mu_r 0.1 piles of spheres were 5 to 7 degrees lower for this "
+                "; with mu_r 0.1, piles of spheres were 5 to 7 degrees lower for this "
                 "reason"
             )
         return difference
 
-    # The program has a law of the same name, but it acts between single spheres.
+    # The program has a law of the same name. The law with a constant torque has neither
+    # stiffness nor damping.
     resistance = "its own stiffness and damping"
     if law == "constant_torque":
         resistance = "a constant torque"
     return (
         f"rolling resistance is between two spheres, with {resistance}; in the study "
-        f"{law} between two bodies, which also resists spin about the normal. The "
-        f"coefficients here are those of the study times the mean lever {lever_mm:.3g} mm "
-        "over the radius of a sphere"
+        f"{law} is between two grains, and also resists spin about the normal. The "
+        "coefficients here are those of the study times the mean lever arm "
+        f"{lever_mm:.3g} mm over the radius of a sphere"
     )

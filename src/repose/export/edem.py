@@ -120,8 +120,9 @@ def _list_contacts(
             Row(f"Coefficient of rolling friction, {name}", parameters[f"mur_{pair}"]),
         ]
         if simulation.contact_law == "jkr":
-            # Our parameter is the energy of each of the two surfaces. EDEM's is the
-            # work of adhesion of both: its pull-off force is 3/2 pi R* times this work.
+            # The parameter of the study is the energy of each of the two surfaces. That
+            # of EDEM is the work of adhesion, the energy of both surfaces together: its
+            # pull-off force is 3/2 pi R* times this work.
             work_of_adhesion = 2.0 * parameters[f"{SURFACE_ENERGY.short}_{pair}"]
             unit = SURFACE_ENERGY.unit
             rows.append(Row(f"Surface energy, {name}", work_of_adhesion, unit))
@@ -202,7 +203,7 @@ def _format_page(job: Job, table: list[Row]) -> str:
             for row in table
         ),
         "",
-        "Not as in the study:",
+        "Differences from the study:",
         "",
         *(f"- {note}" for note in (*_list_differences(job), *job.notes)),
     ]
@@ -212,13 +213,13 @@ def _format_page(job: Job, table: list[Row]) -> str:
 def _list_differences(job: Job) -> list[str]:
     """List the differences between EDEM and the study."""
     differences = [
-        "its rolling friction has the lever from the contact to the centre of mass, as "
-        "the study's: the coefficients are entered as they are"
+        "the lever arm of the rolling friction is the same as in the study, from the "
+        "contact to the centre of mass: the coefficients are entered as they are"
     ]
     if job.simulation.tension == "release":
         differences.append(
-            "its damped force may pull at the end of an impact; in the study it never "
-            "pulls, and is damped so that the restitution is as set"
+            "the damped normal force may pull at the end of an impact; in the study it "
+            "never pulls, and is damped so that the restitution is as set"
         )
     if not job.is_sphere:
         differences.append("each pair of spheres is damped by itself")

@@ -34,6 +34,8 @@ TYPICAL_OVERLAP = 0.01
 # Relative differences between axes, and between moments of inertia, that are ignored.
 AXES_TOLERANCE = 1e-3
 INERTIA_TOLERANCE = 0.01
+# Relative distance below the surface of a sphere that is ignored as a rounding error.
+ROUNDING_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ class Job:
     seed : int
         Seed of the positions of the grains.
     notes : tuple of str
-        Features of the study that no deck can represent.
+        Features of the study that no other program can represent.
     """
 
     label: str
@@ -176,6 +178,9 @@ def make_job(
 ) -> Job:
     """Collect the data of an export from a study into a `Job`.
 
+    Other programs simulate only spheres. The grain must therefore be a clump of
+    spheres, or is replaced by a single sphere.
+
     Parameters
     ----------
     config : mapping
@@ -183,10 +188,10 @@ def make_job(
     parameters : mapping
         Contact parameters by name.
     particle : Particle
-        The grain: a clump of spheres or a sphere. With `one_sphere`, it may be any
-        body.
+        The simulated grain, that is, its shape and mass: a clump of spheres or a
+        sphere. With `one_sphere`, it may have any shape.
     grain : mapping
-        Measurements of the grain, as in berry.json.
+        The measured grain, that is, its sizes and moduli, as in berry.json.
     seed : int, optional
         Seed of the positions of the grains.
     one_sphere : bool, optional
@@ -206,39 +211,39 @@ def make_job(
     funnel = scene.settings.section("funnel", FunnelSettings)
     notes = list(_list_missing_features(scene.settings, funnel))
 
-    # Other programs support only spheres, so the body must be a clump of spheres or one
-    # sphere.
-    body = particle
+    exported = particle
     if one_sphere or is_sphere(particle):
-        body = make_equal_sphere(particle)
-        notes += _list_losses_of_sphere(particle, body)
-        scene = replace(scene, particle=body)
-    if not body.is_clump:
+        exported = make_equal_sphere(particle)
+        notes += _list_losses_of_sphere(particle, exported)
+        # The time step that is computed from the scene below depends on the grain.
+        scene = replace(scene, particle=exported)
+    if not exported.is_clump:
         raise InputError(
             "particle",
             key="kind",
-            value=body.kind,
+            value=exported.kind,
             allowed="multisphere: other programs take spheres",
         )
 
     # The lever arm of the rolling resistance is the mean distance of the surface from
-    # the centre of mass.
+    # the centre of mass. A scene calls the material of its grains "berry".
     materials = materials_of(scene)
-    surface = average_over_surface(body.spheres_m)
+    surface = average_over_surface(exported.spheres_m)
     rayleigh_s = compute_rayleigh_time_s(
         materials["berry"],
-        body.density_kg_m3,
-        radius_m=float(body.spheres_m[:, 3].min()),
+        exported.density_kg_m3,
+        radius_m=float(exported.spheres_m[:, 3].min()),
     )
     return Job(
         label=config["label"],
         parameters=parameters,
-        particle=body,
+        particle=exported,
         mean_radius_m=surface.radius_m,
         lever_m=surface.distance_m,
         grain=materials["berry"],
         wall=materials["wall"],
-        # R* of two equal spheres is half of their radius.
+        # The effective radius R* of two equal spheres is half of their radius. That of
+        # a sphere on a plane wall is its radius.
         grains=_make_pair(
             scene, "gg", other="berry", effective_radius_m=0.5 * surface.radius_m
         ),
@@ -330,6 +335,8 @@ def make_equal_sphere(particle: "Particle") -> "Particle":
     the volume is computed from this radius.
     """
     mass_kg = particle.mass_kg
+    # A solid sphere has the moment of inertia 2/5 m r^2. The distance from the measured
+    # mesh is that of the particle, because no deck contains it.
     if len(particle.spheres_m) == 1:
         radius_m = float(particle.spheres_m[0, 3])
         volume_m3 = 4.0 / 3.0 * math.pi * radius_m**3
@@ -351,7 +358,7 @@ def make_equal_sphere(particle: "Particle") -> "Particle":
 def _list_missing_features(
     settings: SceneSettings, funnel: FunnelSettings
 ) -> Iterator[str]:
-    """Yield a sentence for each feature of the study that no deck can represent."""
+    """Yield a sentence for each feature of the study that no program can represent."""
     if settings.size_distribution != "none":
         yield "the study's grains differ in size; here all are the mean grain"
     if funnel.orientation != "random":
@@ -428,11 +435,13 @@ def average_over_surface(spheres_m: np.ndarray, n_points: int = 2000) -> Surface
     """
     centres = spheres_m[:, :3]
     # A point is free if it is at least this far from each centre. The factor prevents
-    # rounding errors from placing a point inside its own sphere.
-    smallest_distances = spheres_m[:, 3] * (1.0 - 1e-9)
+    # rounding errors from placing a point inside its own sphere. At least one point of
+    # the outermost sphere is free, so the sums below are positive.
+    smallest_distances = spheres_m[:, 3] * (1.0 - ROUNDING_TOLERANCE)
     directions = sphere_directions(n_points)
 
-    # Add up radius and distance over all free points, weighted by their areas.
+    # Add up radius and distance over all free points. The weight of a point is
+    # radius**2, to which its area is proportional. The weighted radius is radius**3.
     area_sum = 0.0
     radius_sum = 0.0
     distance_sum = 0.0

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from repose.export.decks import fill_template, join_numbers, write_head
+from repose.export.decks import fill_template, format_head, join_numbers
 from repose.export.job import Job, Pair
 from repose.export.laws import (
     compute_equivalent_restitution,
@@ -20,6 +20,8 @@ ROLLING_DAMPING = 0.5
 TSUJI_COEFFICIENTS = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
 # Smallest restitution that LAMMPS accepts.
 MIN_RESTITUTION = 1e-6
+# Imaginary part up to which a root counts as real.
+IMAGINARY_TOLERANCE = 1e-9
 # Keywords of LAMMPS for the tangential spring, by contact law of the study.
 TANGENTIAL_SPRINGS = {
     "hertz_mindlin": "mindlin",
@@ -33,9 +35,9 @@ def make_deck(job: Job) -> dict[str, str]:
     text = fill_template(
         "lammps.in.jinja",
         job,
-        head=write_head(job, _list_differences(job)),
-        law_gg=write_contact_law(job, job.grains),
-        law_gp=write_contact_law(job, job.on_wall),
+        head=format_head(job, _list_differences(job)),
+        law_gg=format_contact_law(job, job.grains),
+        law_gp=format_contact_law(job, job.on_wall),
         tube_radius=0.5 * job.surfaces.outlet_diameter_m,
         cone_low_radius=cone.offset * cone.normal_r + cone.first * cone.up_r,
         cone_low=cone.offset * cone.normal_z + cone.first * cone.up_z,
@@ -44,7 +46,7 @@ def make_deck(job: Job) -> dict[str, str]:
         near=2.0 * float(job.particle.spheres_m[:, 3].max()),
         **compute_restitutions(job),
     )
-    return {"in.pour": text, "grain.mol": write_molecule(job)}
+    return {"in.pour": text, "grain.mol": format_molecule(job)}
 
 
 def _list_differences(job: Job) -> list[str]:
@@ -52,29 +54,30 @@ def _list_differences(job: Job) -> list[str]:
     differences = ["the edge of the outlet is sharp"]
     if job.simulation.tension == "release":
         differences.append(
-            "the second number of hertz/material is the restitution that gives the "
-            "study's damping; with limit_damping an impact then ends with the restitution "
-            "calibrated"
+            "the second number of hertz/material is not the calibrated restitution, but "
+            "the number that gives the study's damping; together with limit_damping, an "
+            "impact has the calibrated restitution"
         )
     return differences
 
 
-def write_contact_law(job: Job, pair: Pair) -> str:
-    """Write the contact law of a pair in the keywords of `pair_style granular`.
+def format_contact_law(job: Job, pair: Pair) -> str:
+    """Format the contact law of a pair in the keywords of `pair_style granular`.
 
     Parameters
     ----------
     job : Job
-        The grain and its pour.
+        The study to export: grain, materials, contacts and pour.
     pair : Pair
         The contact, `job.grains` or `job.on_wall`.
 
     Returns
     -------
     str
-        The keywords. They refer to variables that the deck defines: `damping`, and the
-        restitutions `e_gg` between grains and `e_gp` between grain and wall.
+        The keywords. They refer to variables that the input script defines: `damping`,
+        and the restitutions `e_gg` between grains and `e_gp` between grain and wall.
     """
+    # `pair` is one of two objects of the job, so compare its identity.
     restitution = "${e_gg}" if pair is job.grains else "${e_gp}"
     # LAMMPS computes E* of a contact from the modulus of a single material. Give it the
     # modulus for which two equal surfaces have the E* of the pair.
@@ -91,6 +94,7 @@ def write_contact_law(job: Job, pair: Pair) -> str:
     critical_damping = math.sqrt(stiffness_n_m * job.particle.mass_kg)
     rolling_damping = ROLLING_DAMPING * critical_damping
 
+    # The 0 after the tangential factor is the tangential damping.
     keywords = (
         f"hertz/material {young_pa:.8g} {restitution} {poisson:.8g} "
         f"tangential {tangential_spring} {tangential_factor:.8g} 0 "
@@ -104,12 +108,15 @@ def write_contact_law(job: Job, pair: Pair) -> str:
 
 
 def compute_restitutions(job: Job) -> dict[str, float]:
-    """Compute the restitutions for which LAMMPS has the damping of the study.
+    """Compute the coefficients of restitution that give LAMMPS the study's damping.
+
+    LAMMPS computes its damping from a coefficient of restitution by a formula of its
+    own. The coefficients returned are therefore not the calibrated ones.
 
     Parameters
     ----------
     job : Job
-        The grain and its pour.
+        The study to export: grain, materials, contacts and pour.
 
     Returns
     -------
@@ -125,18 +132,21 @@ def compute_restitutions(job: Job) -> dict[str, float]:
             pair, MIN_RESTITUTION
         )
 
-        # Find the restitution at which the polynomial equals the study's damping. It is
-        # the smallest real root of the polynomial minus this damping.
+        # Find the restitution at which the polynomial equals the study's damping, that
+        # is, a real root of the polynomial minus this damping. The polynomial gives the
+        # damping over sqrt(k m), which is sqrt(5) times the damping ratio for the
+        # spring of Hertz's law. The polynomial falls from large negative restitutions
+        # up to 1, where it is 0. Therefore its smallest root is the only one below 1.
         constant = TSUJI_COEFFICIENTS[-1] - math.sqrt(5.0) * pair.damping_ratio
         roots = np.roots((*TSUJI_COEFFICIENTS[:-1], constant))
         # Rounding leaves a tiny imaginary part in a real root.
-        real_roots = roots[np.abs(roots.imag) < 1e-9].real
+        real_roots = roots[np.abs(roots.imag) < IMAGINARY_TOLERANCE].real
         restitutions[f"tsuji_{name}"] = float(real_roots.min())
     return restitutions
 
 
-def write_molecule(job: Job) -> str:
-    """Write the grain as a molecule of LAMMPS, whose spheres move as one rigid body.
+def format_molecule(job: Job) -> str:
+    """Format the grain as a molecule of LAMMPS, whose spheres move as one rigid body.
 
     Parameters
     ----------
@@ -151,7 +161,8 @@ def write_molecule(job: Job) -> str:
     spheres_m = job.particle.spheres_m
     mass_kg = job.particle.mass_kg
     n_spheres = len(spheres_m)
-    # The particle is in principal axes, so its products of inertia are zero.
+    # LAMMPS reads the moments of inertia xx, yy, zz and the products xy, xz, yz. The
+    # particle is in principal axes, so the products are zero.
     inertia = join_numbers((*job.particle.inertia_kg_m2, 0.0, 0.0, 0.0))
     lines = [
         "a grain, from repose export",
@@ -162,7 +173,9 @@ def write_molecule(job: Job) -> str:
         f"{inertia} inertia",
     ]
 
-    # Each section has a numbered row for each sphere.
+    # Each section has a numbered row for each sphere. The blank lines around the name of
+    # a section are part of the format. LAMMPS takes the mass and inertia of the grain
+    # from the lines above, so the masses of its spheres may all be equal.
     sections = {
         "Coords": [join_numbers(sphere[:3]) for sphere in spheres_m],
         "Types": ["1"] * n_spheres,

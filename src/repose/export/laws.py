@@ -20,26 +20,26 @@ from repose.dem.laws import ROLLING_LAWS
 from repose.export.job import Job, Pair
 
 
-def compute_equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
+def compute_equivalent_restitution(pair: Pair, minimum: float = 0.0) -> float:
     """Compute the restitution for which Tsuji's formula gives the damping of a pair.
 
     Parameters
     ----------
     pair : Pair
         The contact, with its damping ratio beta.
-    least : float, optional
+    minimum : float, optional
         The smallest restitution that the program accepts.
 
     Returns
     -------
     float
         exp(-pi beta / sqrt(1 - beta^2)) for beta below 1, and 0 for larger beta, but at
-        least `least`.
+        least `minimum`.
     """
     beta = pair.damping_ratio
     if beta >= 1.0:
-        return least
-    return max(least, math.exp(-math.pi * beta / math.sqrt(1.0 - beta * beta)))
+        return minimum
+    return max(minimum, math.exp(-math.pi * beta / math.sqrt(1.0 - beta * beta)))
 
 
 def compute_rolling_coefficient(job: Job, pair: Pair) -> float:
@@ -81,7 +81,10 @@ def compute_rolling_stiffness(pair: Pair) -> float:
 
 
 def describe_law_constants(job: Job) -> list[str]:
-    """Describe constants of the force laws that are not among the usual coefficients.
+    """Describe the constants of the force laws in comment lines of an input script.
+
+    The lines are for constants beyond restitution and the coefficients of friction,
+    such as the surface energy of a contact law with adhesion.
 
     Parameters
     ----------
@@ -91,18 +94,22 @@ def describe_law_constants(job: Job) -> list[str]:
     Returns
     -------
     list of str
-        A line for each constant, with its values between grains and between grain and
-        wall. The list is empty if the laws have no such constants.
+        A line for each constant of the contact law, and one for the twisting friction
+        if the study sets it. A line has the values between grains, and between grain
+        and wall. The list is empty if there are no such constants.
     """
     grains = job.grains.constants
     on_wall = job.on_wall.constants
     law = job.simulation.contact_law
     lines = []
+    # `OF_LAWS` has the constants of each contact law, and `words` is the description
+    # of a constant.
     for constant in OF_LAWS.get(law, ()):
         line = (
             f"{law}: {constant.words} {grains[constant.name]:.6g} {constant.unit} between "
             f"grains, {on_wall[constant.name]:.6g} between grain and wall"
         )
+        # Some programs define the surface energy differently, so state the definition.
         if constant is SURFACE_ENERGY:
             line += (
                 " (of each of two surfaces: the work of adhesion is w = 2 gamma, the "
@@ -110,13 +117,14 @@ def describe_law_constants(job: Job) -> list[str]:
             )
         lines.append(f"{line}.")
 
-    # The twisting friction may be set for both contacts, for one or for none. If it is
-    # not set for a contact, the engine computes it from the static friction mu_s.
+    # The twisting friction resists the spin about the normal. It may be set for both
+    # contacts, for one or for none. If it is not set for a contact, the engine computes
+    # it from the static friction mu_s. No other program has it.
     if TWISTING.name in grains or TWISTING.name in on_wall:
         default = "3 pi / 16 mu_s"
         lines.append(
             f"{TWISTING.words}: {grains.get(TWISTING.name, default)} between grains, "
-            f"{on_wall.get(TWISTING.name, default)} between grain and wall; this deck "
-            "has none."
+            f"{on_wall.get(TWISTING.name, default)} between grain and wall; this input "
+            "script has none."
         )
     return lines

@@ -4,7 +4,7 @@ import math
 
 from repose.dem.constants import COHESION_ENERGY_DENSITY
 from repose.dem.laws.epsd import ETA
-from repose.export.decks import fill_template, join_numbers, write_head
+from repose.export.decks import fill_template, format_head, join_numbers
 from repose.export.job import Job
 from repose.export.laws import (
     compute_equivalent_restitution,
@@ -24,6 +24,9 @@ FOLD_FRACTION = 1.1
 def make_deck(job: Job) -> dict[str, str]:
     """Make the input files of a LIGGGHTS run: in.pour, funnel.stl and clump.txt.
 
+    The keywords of `fill_template` are the names that the template liggghts.in.jinja
+    uses, so both must be changed together.
+
     Parameters
     ----------
     job : Job
@@ -34,17 +37,19 @@ def make_deck(job: Job) -> dict[str, str]:
     dict
         The contents of the files by name. A single sphere needs no clump.txt.
     """
-    # Express the contact laws in the keywords of LIGGGHTS.
     simulation = job.simulation
     spheres_m = job.particle.spheres_m
+
+    # Express the contact laws in the keywords of LIGGGHTS. Laws without an entry in
+    # `ROLLING_MODELS` have the same name in LIGGGHTS.
     has_cohesion = simulation.contact_law == "sjkr"
     rolling_law = simulation.rolling_law
     model = f"rolling_friction {ROLLING_MODELS.get(rolling_law, rolling_law)}"
     if has_cohesion:
         model = f"cohesion sjkr {model}"
 
-    # In the template, the names of numbers end in gg for contacts between grains, and
-    # in gp for contacts between grain and wall.
+    # The names of the numbers end in gg for contacts between grains, and in gp for
+    # contacts between grain and wall.
     pair_values: dict[str, object] = {}
     for name, pair in job.pairs.items():
         pair_values[f"e_{name}"] = compute_equivalent_restitution(pair, MIN_RESTITUTION)
@@ -55,17 +60,21 @@ def make_deck(job: Job) -> dict[str, str]:
     text = fill_template(
         "liggghts.in.jinja",
         job,
-        head=write_head(job, _list_differences(job)),
+        head=format_head(job, _list_differences(job)),
         seed=find_prime(job.seed),
         model=model,
         sjkr=has_cohesion,
+        # `ETA` is the damping of the rolling law "epsd".
         epsd=rolling_law == "epsd",
         eta=ETA,
+        # With limitForce, the damped normal force never pulls. In a study with the
+        # tension "keep", it may pull.
         limit_force="off" if simulation.tension == "keep" else "on",
         fold=FOLD_FRACTION * 360.0 / N_FACETS,
         n_spheres=len(spheres_m),
         **pair_values,
     )
+    # The main file must come first, because `write_template` relies on it.
     files = {"in.pour": text, "funnel.stl": write_stl(job.surfaces)}
     if not job.is_sphere:
         files["clump.txt"] = "".join(
@@ -90,19 +99,22 @@ def _list_differences(job: Job) -> list[str]:
     differences = []
     if job.simulation.contact_law != "hertz_mindlin":
         differences.append(
-            "a tangential force grows and falls with the normal load; in the study it "
-            "stays on loading and falls on unloading"
+            "the tangential force grows and falls with the normal force; in the study it "
+            "stays as it is while the normal force grows, and falls with it"
         )
     if job.simulation.tension == "release":
         differences.append(
-            "coefficientRestitution is the number that gives the study's damping; with "
-            "limitForce an impact then ends with the restitution calibrated"
+            "coefficientRestitution is not the calibrated restitution, but the number "
+            "that gives the study's damping; together with limitForce, an impact has the "
+            "calibrated restitution"
         )
     for bodies, pair in (("grains", job.grains), ("grain and wall", job.on_wall)):
+        # The function returns exactly the minimum if the damping needs a smaller
+        # number.
         if compute_equivalent_restitution(pair, MIN_RESTITUTION) == MIN_RESTITUTION:
             differences.append(
                 f"{bodies}: the study's damping is stronger than coefficientRestitution "
-                f"{MIN_RESTITUTION:g} gives, the least that LIGGGHTS takes"
+                f"{MIN_RESTITUTION:g} gives, the minimum that LIGGGHTS accepts"
             )
     return differences
 

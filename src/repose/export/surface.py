@@ -19,8 +19,8 @@ LONGEST_FACET_M = 0.024
 def compute_profile(funnel: Funnel) -> np.ndarray:
     """Compute the inner profile of the funnel in the half plane (r, z).
 
-    The profile is a line along the cone, the rounded edge at the neck, the tube if
-    there is one, and the rounded edge of the outlet.
+    The profile is a line along the cone, the rounded edge at the neck (where the cone
+    ends), the tube if there is one, and the rounded edge of the outlet.
 
     Parameters
     ----------
@@ -43,16 +43,17 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
     ) -> list[list[float]]:
         """List points (r, z) on a rounded edge between two angles.
 
-        The angles are measured from the direction away from the axis. The circle of the
-        edge is highest at 90 degrees, nearest to the axis at 180 degrees, and lowest at
-        270 degrees.
+        The edge is an arc of a circle with the radius `edge_radius`, whose centre is at
+        the distance `centre_r` from the axis. The point at 0 degrees is farthest from
+        the axis. The circle is highest at 90 degrees, nearest to the axis at 180
+        degrees, and lowest at 270 degrees.
 
         Parameters
         ----------
         centre_z : float
-            Height of the centre of the arc in m.
+            Height of the centre of the circle in m.
         start_deg, end_deg : float
-            Angles of the first and the last point.
+            Angles of the first and the last point. The second one is larger.
 
         Returns
         -------
@@ -71,13 +72,15 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
     inlet = [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
     # The arc of the neck begins where it touches the cone, and ends where the wall is
     # vertical.
-    touching_deg = 90.0 + math.degrees(math.radians(funnel.cone_angle_deg))
-    neck = make_arc(funnel.neck_height_m, touching_deg, 180.0)
-    lip = make_arc(funnel.outlet_height_m, 180.0, 270.0)
+    touching_deg = 90.0 + funnel.cone_angle_deg
+    neck_edge = make_arc(funnel.neck_height_m, touching_deg, 180.0)
+    outlet_edge = make_arc(funnel.outlet_height_m, 180.0, 270.0)
     if not funnel.tube_length_m:
-        # Without a tube, the second arc begins at the last point of the first one.
-        lip = lip[1:]
-    return _divide_line(np.array([inlet, *neck, *lip]))
+        # Without a tube, neck and outlet have the same height, and the second arc
+        # begins at the last point of the first one. Keep this point once.
+        outlet_edge = outlet_edge[1:]
+    # Divide the long straight pieces, so that no facet is much longer than wide.
+    return _divide_line(np.array([inlet, *neck_edge, *outlet_edge]))
 
 
 def _divide_line(points: np.ndarray) -> np.ndarray:
@@ -126,7 +129,8 @@ def divide_surface(funnel: Funnel) -> np.ndarray:
     rings = np.stack([x, y, z], axis=-1)  # (N, N_FACETS, 3)
 
     # Two neighbours on a ring and the two points below them are the corners of a
-    # quadrilateral. Divide each quadrilateral into two triangles. Rolling a ring by one
+    # quadrilateral. Divide each quadrilateral into two triangles. The order of their
+    # corners makes them counterclockwise as seen from the axis. Rolling a ring by one
     # point puts the neighbour of each point in the place of the point.
     upper = rings[:-1]
     lower = rings[1:]

@@ -35,7 +35,10 @@ def write_template(
     program: str,
     folder: StrPath,
 ) -> list[Path]:
-    """Write the files of a deck, with a template in place of the main file.
+    """Write the input files of a program, with a template in place of the main file.
+
+    In the template, names of parameters take the place of the numbers that are
+    proportional to them.
 
     Parameters
     ----------
@@ -45,7 +48,7 @@ def write_template(
     parameters : mapping
         Values of the parameters by name.
     names : sequence of str
-        The parameters whose names replace their numbers.
+        The parameters whose names appear in the template.
     program : str
         One of `repose.export.PROGRAMS`.
     folder : path
@@ -59,7 +62,8 @@ def write_template(
     Raises
     ------
     InputError
-        If a parameter is unknown, or if no number of the deck is proportional to it.
+        If a parameter is unknown, or if no number of the main file is proportional to
+        it.
     """
     for name in names:
         if name not in parameters:
@@ -72,13 +76,13 @@ def write_template(
     job = make_job(parameters)
     check_laws(job, program)
 
-    # Only the main file becomes a template. It is the first file of the deck.
+    # Only the main file becomes a template. Every function in `PROGRAMS` puts it first.
     make_deck = PROGRAMS[program]
     files = make_deck(job)
     main_name = next(iter(files))
 
     def write_main_file(values: Mapping[str, float]) -> str:
-        """Write the main file of the deck for other values of the parameters."""
+        """Write the main file for other values of the parameters."""
         return make_deck(make_job(values))[main_name]
 
     template = make_template(write_main_file, parameters, names)
@@ -99,10 +103,12 @@ def make_template(
     parameters: Mapping[str, float],
     names: Sequence[str],
 ) -> str:
-    """Replace the numbers of a text that are proportional to a parameter by its name.
+    """Make a template from a text that depends on parameters.
 
-    To find these numbers, the text is written again for each parameter, with another
-    value of this parameter. The numbers that change depend on the parameter.
+    A number that is proportional to a parameter is replaced by the name of the
+    parameter and a factor. To find these numbers, the text is written again for each
+    parameter, with another value of this parameter. The numbers that change depend on
+    the parameter.
 
     Parameters
     ----------
@@ -111,7 +117,7 @@ def make_template(
     parameters : mapping
         Values of the parameters by name.
     names : sequence of str
-        The parameters whose names replace their numbers.
+        The parameters whose names appear in the template. Their values are not 0.
 
     Returns
     -------
@@ -121,10 +127,11 @@ def make_template(
     Raises
     ------
     InputError
-        If a parameter changes no number, or a number that is not proportional to it.
+        If a parameter changes no number, changes a number that is not proportional to
+        it, or changes the text between the numbers.
     """
-    # Text and numbers alternate: entries with even indices are text, the others
-    # numbers.
+    # The pattern `NUMBER` has one group, the whole number. Text and numbers therefore
+    # alternate: entries with even indices are text, the others numbers.
     parts = NUMBER.split(render(parameters))
     template_parts = list(parts)
     for name in names:

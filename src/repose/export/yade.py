@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.export.decks import fill_template, join_numbers, write_head
+from repose.export.decks import fill_template, format_head, join_numbers
 from repose.export.job import Job, Pair
 from repose.export.laws import compute_rolling_stiffness
 from repose.export.surface import N_FACETS, compute_profile
@@ -13,14 +13,14 @@ from repose.export.surface import N_FACETS, compute_profile
 
 def make_deck(job: Job) -> dict[str, str]:
     """Make the contents of pour.py for YADE, by name of the file."""
-    weights, inertia = distribute_mass(job)
+    mass_fractions, inertia = distribute_mass(job)
     widest_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
     text = fill_template(
         "yade.py.jinja",
         job,
-        head=write_head(job, _list_differences(job)),
+        head=format_head(job, _list_differences(job)),
         spheres=_format_list(job.particle.spheres_m),
-        masses=_format_list(weights * job.particle.mass_kg),
+        masses=_format_list(mass_fractions * job.particle.mass_kg),
         inertia=_format_list(inertia),
         damping_gg=_compute_damping_fraction(job.grains),
         damping_gp=_compute_damping_fraction(job.on_wall),
@@ -45,18 +45,24 @@ def _compute_damping_fraction(pair: Pair) -> float:
 
 def _list_differences(job: Job) -> list[str]:
     """List the differences between YADE and the study."""
-    behaviour = "stays on loading and falls on unloading"
+    behaviour = "stays as it is while the normal force grows, and falls with it"
     if job.simulation.contact_law == "hertz_mindlin":
-        behaviour = "grows and falls with the normal load"
+        behaviour = "grows and falls with the normal force"
     differences = [
-        "a tangential force stays as it is when the normal load changes; in the study it "
-        f"{behaviour}",
-        "on a facet YADE takes two thirds of a sphere's radius as the effective one: "
+        "the tangential force stays as it is when the normal force changes; in the study "
+        f"it {behaviour}",
+        # The stiffness of Hertz's law is proportional to the square root of the
+        # effective radius, and sqrt(2/3) is 0.82.
+        "at a facet, YADE uses two thirds of a sphere's radius as the effective radius: "
         "contacts with walls are softer by 18 %",
-        "a contact with a wall rolls in its first step with the coefficient of the grains",
+        "in its first time step, a contact with a wall has the rolling friction between "
+        "grains",
     ]
     if job.simulation.tension == "keep":
-        differences.append("the normal force never pulls, damped as if it could")
+        differences.append(
+            "the normal force never pulls; in the study it may pull, and the damping is "
+            "computed for this case"
+        )
     return differences
 
 
@@ -73,42 +79,46 @@ def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
 
     Returns
     -------
-    shares : ndarray
-        Share (M,) of each sphere in the mass. The fractions are as equal as possible
-        while their sum is 1, their centre of mass is the origin and their products of
-        inertia are zero.
+    fractions : ndarray
+        Fraction (M,) of the mass of the grain that each sphere gets. The fractions are
+        as equal as possible while their sum is 1, their centre of mass is the origin
+        and their products of inertia are zero.
     inertia : ndarray
-        Moments of inertia (3,) of each sphere [kg m2]. Their sum is the difference
-        between the moments of the grain and those of point masses at the centres.
+        Moments of inertia (3,) that each sphere gets [kg m2], the same for all of them.
+        Their sum is the difference between the moments of the grain and those of point
+        masses at the centres. It may be negative.
     """
     particle = job.particle
     x, y, z = particle.spheres_m[:, :3].T
     n_spheres = len(x)
 
-    # Write the conditions on sum, centre and products of inertia as seven linear
-    # equations. Divide lengths by a scale, so that all coefficients are of order one.
+    # Write the conditions on sum (1), centre (3) and products of inertia (3) as seven
+    # linear equations. Divide lengths by a scale, so that all coefficients are of order
+    # one.
     scale_m = particle.bounding_radius_m
     conditions = np.stack(
         [np.ones_like(x), x / scale_m, y / scale_m, z / scale_m, x * y, x * z, y * z]
     )
-    # The last three rows are products of two lengths.
+    # The last three rows are products of two lengths, which are scaled here.
     conditions[4:] /= scale_m**2
     # The sum must be 1, and everything else must be 0.
     required = np.zeros(len(conditions))
     required[0] = 1.0
 
     # Find the smallest change to equal fractions with which the conditions are met.
-    equal_shares = np.full(n_spheres, 1.0 / n_spheres)
-    residual = required - conditions @ equal_shares
+    # With few or symmetric spheres, some conditions depend on each other. `rcond`
+    # ignores their singular values, which are 0 except for rounding.
+    equal_fractions = np.full(n_spheres, 1.0 / n_spheres)
+    residual = required - conditions @ equal_fractions
     change = np.linalg.lstsq(conditions, residual, rcond=1e-9)[0]
-    shares = equal_shares + change
+    fractions = equal_fractions + change
 
     # Subtract the moments of point masses at the centres from those of the grain.
     squared_distances = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
     missing_inertia = (
-        particle.inertia_kg_m2 - particle.mass_kg * squared_distances @ shares
+        particle.inertia_kg_m2 - particle.mass_kg * squared_distances @ fractions
     )
-    return shares, missing_inertia / n_spheres
+    return fractions, missing_inertia / n_spheres
 
 
 def _format_list(values: ArrayLike) -> str:
