@@ -10,7 +10,7 @@ def trained(dataset_csv, runs_csv, study, out, source="configuration"):
         out,
         targets=study.targets,
         definitions=study.definitions,
-        surrogate=study.settings.surrogate,
+        surrogate_kind=study.settings.surrogate,
         settings=study.settings.network,
         source=source,
     )

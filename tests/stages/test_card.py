@@ -547,8 +547,8 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
         "card", "compare", tmp_path / "one.json", tmp_path / "other.json"
     ).out.splitlines()
     is_known("cards.txt", "\n".join(lines))
-    assert "Another simulator" not in card_text.compare_cards(first, second)
-    assert "Another simulator: repose | theirs." in card_text.compare_cards(
+    assert "Different simulators" not in card_text.compare_cards(first, second)
+    assert "Different simulators: repose | theirs." in card_text.compare_cards(
         first, second | {"simulator": "theirs"}
     )
     second["tests"][0]["definition"]["name"] = "angle, secant"

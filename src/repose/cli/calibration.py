@@ -77,7 +77,7 @@ def network(args: argparse.Namespace, study: PipelineConfig) -> None:
         args.out,
         targets=study.targets,
         definitions=study.definitions,
-        surrogate=study.settings.surrogate,
+        surrogate_kind=study.settings.surrogate,
         settings=study.settings.network,
         parameter_names=study.parameter_names,
         scale=study.parameters.scale,
@@ -128,7 +128,7 @@ def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
         parameters=study.parameters,
         targets=study.targets,
         settings=study.settings.miga,
-        solutions=study.settings.validation.solutions,
+        n_solutions=study.settings.validation.solutions,
         parameter_names=study.parameter_names,
     )
     print(table.to_string(index=False))

@@ -46,7 +46,7 @@ CHECK_COLUMNS = (
 )
 
 
-def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
+def read_answer(  # noqa: PLR0913  (each describes the study that was calibrated)
     summary_json: StrPath,
     check_csv: StrPath,
     solutions_csv: StrPath,
@@ -59,9 +59,10 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
     small_run: bool = False,
     parameter_names: Sequence[str] | None = None,
 ) -> Result:
-    """Read the answer of a finished calibration from the files of its stages.
+    """Read the result of a finished calibration from the files that its stages wrote.
 
-    The answer is a parameter set, together with the check that simulated it again.
+    The result has the calibrated parameter set (the answer), and the check of it: the
+    set was simulated again, with new seeds, and compared with the targets.
 
     Parameters
     ----------
@@ -76,13 +77,14 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
     targets : Targets
         The responses to meet.
     measure : MeasureSettings or None
-        The section `measure`, which defines the angles of piles.
+        The section `measure` of the configuration, which defines the angles of piles.
     strategy : str
-        The strategy that found the answer.
+        Name of the strategy that found the answer. It decides which advice is given if
+        the check fails.
     results_dir : path
         Folder of the results.
     small_run : bool, optional
-        Whether the study is too small for a calibration.
+        Whether the study has too few runs for a real calibration.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -109,12 +111,15 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
 
     checks = []
     for target in targets:
+        # The angle of a pile is the slope of a line that is fitted to its side. The
+        # description states which line.
         line = describe_line_of_response(measure, target.name)
         checks.append(_make_check(target, rows[target.name], line))
 
-    # Two kinds of probability are about all targets together, so each row repeats them.
-    # `within`: that all means lie within some percent of the aims. `inside`: that all
-    # means lie in their target ranges.
+    # The table has two kinds of probability that concern all targets together. Every
+    # row repeats them, so the first row is enough. `within` are the probabilities that
+    # all means lie within some percent of the values to aim at. `inside` is the
+    # probability that all means lie in their target ranges.
     first_row = rows[targets.names[0]]
     within = {
         percent: _get_number(first_row, name)
@@ -188,7 +193,8 @@ def _read_parameters(
         The file with these values, for messages.
     parameter_names : sequence of str or None
         Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters must be within physical limits.
+        repose simulates it. Only then the physical limits of its contact parameters are
+        checked, because those of another program are unknown.
 
     Returns
     -------
@@ -198,7 +204,8 @@ def _read_parameters(
     Raises
     ------
     InputError
-        If a parameter is not a number, or lies outside its limits.
+        If a parameter is not a number. Also if a contact parameter of repose lies
+        outside its physical limits.
     """
     parameters = {}
     for name in list_parameters(values, parameter_names):

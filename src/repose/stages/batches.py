@@ -38,10 +38,10 @@ def write_proposal(
     parameter_names: Sequence[str] | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Let a strategy propose its next batch, and write the proposal.
+    """Let a strategy propose its next batch of runs, and write the proposal.
 
-    The file samples.csv has the runs to make. The file proposal.json has the reason for
-    them and, once the strategy has finished, the answer.
+    The file samples.csv has the parameter sets to simulate. The file proposal.json has
+    the reason for them and, once the strategy has finished, the answer.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def write_proposal(
     folders : sequence of path
         The batches so far, each with dataset.csv and runs.csv.
     out_dir : path
-        Folder to write.
+        Folder for samples.csv and proposal.json.
     definitions : mapping
         How the configuration defines the responses.
     parameter_names : sequence of str, optional
@@ -81,12 +81,13 @@ def write_proposal(
     try:
         proposal = strategy(strategy_name).propose(study, runs)
     except InputError as error:
-        # The strategy knows no files. Raise its error again with the folder of the last
-        # batch as the source. Before the first batch, the strategy itself is the
-        # source.
-        fault_source = folders[-1] if folders else strategy_name
+        # A strategy gets tables and knows no files, so its error cannot name a file.
+        # Raise the error again with the folder of the last batch as the source. Before
+        # the first batch there is no folder, and the name of the strategy takes its
+        # place.
+        error_source = folders[-1] if folders else strategy_name
         raise InputError(
-            fault_source, key=error.key, value=error.value, allowed=error.allowed
+            error_source, key=error.key, value=error.value, allowed=error.allowed
         ) from None
 
     content = _describe_proposal(proposal, len(runs), study)
@@ -139,18 +140,20 @@ def write_conclusion(
 ) -> pd.DataFrame:
     """Write the answer of a strategy, and the tables of all its batches.
 
-    The files are those of `write_answer`; batches.csv, with a row for each proposal;
-    dataset.csv and runs.csv, with the samples and runs of all batches; and a file for
-    each note that `Strategy.files` names.
+    The answer is the parameter set with which the strategy finished. Its files are
+    those of `write_answer`. The file batches.csv has a row for each proposal. The files
+    dataset.csv and runs.csv have the samples and runs of all batches but the last one,
+    which is that of the answer. Each note that `Strategy.files` names has a file, too.
 
     Parameters
     ----------
     strategy_name : str
         Name of the strategy.
     folders : sequence of path
-        The batches in order. The last one simulates the answer.
+        The folders of the batches in order, at least two. The last one is that of the
+        answer.
     out_dir : path
-        Folder to write.
+        Folder for all these files.
     parameters : ParameterSpace
         The parameters of the study.
     targets : Targets
@@ -171,6 +174,7 @@ def write_conclusion(
     InputError
         If there is only one batch, or if the last batch is not that of the answer.
     """
+    # The first batch has no proposal, so even the shortest study has two batches.
     if len(folders) < 2:
         raise InputError(
             folders[0],
@@ -181,8 +185,9 @@ def write_conclusion(
     proposals = _read_proposals(folders)
     answer_proposal = proposals[-1]
 
-    # An earlier batch may already have simulated the answer. Otherwise the last batch
-    # has done so.
+    # The answer may be a sample of an earlier batch. Its runs are then those of this
+    # sample, whose numbers the proposal lists under `simulated`. Otherwise the last
+    # batch has simulated the answer.
     dataset, runs = read_tables(folders[:-1], targets, parameter_names)
     answer_runs = runs[runs["sample"].isin(answer_proposal["simulated"])]
     if answer_runs.empty:
@@ -233,19 +238,27 @@ def write_answer(
     targets: Targets,
     measure: MeasureSettings | None,
 ) -> pd.DataFrame:
-    """Write the answer of a strategy for the card, the final message and the report.
+    """Write the answer of a strategy, in the files from which other stages read it.
 
-    The files are solutions.csv, table4.csv, representative.csv, check.csv and
-    summary.json.
+    The file solutions.csv has all parameter sets that the strategy found. The file
+    table4.csv has the predicted and the simulated responses of the answer. The answer
+    is compared with the measurement in representative.csv, and with its prediction in
+    check.csv. The file summary.json has the answer and how it was found.
 
     Parameters
     ----------
     proposal : mapping
         Content of proposal.json.
     answer_runs : pandas.DataFrame
-        Single runs with the parameters of the answer.
-    out_dir, parameters, targets, measure
-        As in `write_conclusion`.
+        Single runs with the parameters of the answer, equally many in each bench test.
+    out_dir : path
+        Folder for the files.
+    parameters : ParameterSpace
+        The parameters of the study.
+    targets : Targets
+        The targets of the study.
+    measure : MeasureSettings or None
+        The section `measure`, which defines the angles of piles.
 
     Returns
     -------
@@ -257,6 +270,8 @@ def write_answer(
     solutions = pd.DataFrame(proposal["solutions"])
     columns = [*parameters.names, *targets.predicted]
     answer = solutions.loc[0, columns].astype(float).to_dict()
+    # A strategy simulates only one solution again, so it is both sample 1 and
+    # solution "1" of the table. The role marks it as the answer for `find_answer`.
     answer_row = {
         "sample": 1,
         "solution": "1",
@@ -286,19 +301,21 @@ def write_answer(
     }
     representative = validate.add_probabilities(physical, runs_by_bench_test, targets)
 
-    # The answer has the same number of runs in each bench test.
-    n_pours = len(answer_runs) // len(targets.apparatus)
+    # The answer has the same number of runs in each bench test, so this is exact.
+    n_runs_of_bench_test = len(answer_runs) // len(targets.apparatus)
     out = Path(out_dir)
     write_table(out / "solutions.csv", solutions)
     write_table(out / "table4.csv", table4)
     write_table(out / "representative.csv", representative)
     write_table(out / "check.csv", check)
-    write_json(out / "summary.json", _make_summary(proposal, answer, n_pours))
+    write_json(
+        out / "summary.json", _make_summary(proposal, answer, n_runs_of_bench_test)
+    )
     return check
 
 
 def _make_summary(
-    proposal: Mapping[str, Any], answer: Mapping[str, float], n_pours: int
+    proposal: Mapping[str, Any], answer: Mapping[str, float], n_check_runs: int
 ) -> dict[str, Any]:
     """Make the content of summary.json.
 
@@ -308,18 +325,18 @@ def _make_summary(
         Content of proposal.json.
     answer : mapping
         Parameters and predicted responses of the answer, by name.
-    n_pours : int
+    n_check_runs : int
         Number of the answer's runs in each bench test.
     """
     notes = proposal["notes"]
-    check_step = f"Check: {n_pours} pours of the answer that no fit has used."
+    check_step = f"Check: {n_check_runs} pours of the answer that no fit has used."
     return {
         "feasible": proposal["feasible"],
         "message": proposal["message"],
         "why": proposal["why"],
         "pours": proposal["pours"],
         "representative": answer,
-        "check_pours": n_pours,
+        "check_pours": n_check_runs,
         "near_bounds": proposal.get("near_bounds", []),
         **notes.get("summary", {}),
         "steps": [*notes.get("steps", ()), check_step],
@@ -329,12 +346,12 @@ def _make_summary(
 def _compare_with_prediction(
     answer_row: Mapping[str, Any], predicted_errors: Sequence[float], targets: Targets
 ) -> pd.DataFrame:
-    """Compare the prediction of the answer with its simulation.
+    """Compare the predicted responses of the answer with the simulated ones.
 
     Parameters
     ----------
     answer_row : mapping
-        The answer's row of Table 4.
+        The answer's row of table4.csv, with predicted and simulated responses.
     predicted_errors : sequence of float
         Standard errors of the predictions, in the order of the targets.
     targets : Targets
@@ -343,9 +360,12 @@ def _compare_with_prediction(
     Returns
     -------
     pandas.DataFrame
-        A row for each response, which is the content of check.csv.
+        The content of check.csv: a row for each target with the value to aim at, the
+        predicted and the simulated mean with their standard errors, and the deviation
+        of the simulated mean from the target.
     """
     table = pd.DataFrame({"response": targets.names, "target": targets.aim})
+    # Targets and responses know the names of their columns in the row.
     table["predicted"] = [answer_row[name] for name in targets.predicted]
     table["predicted_error"] = list(predicted_errors)
     table["simulated"] = [answer_row[target.response.simulated] for target in targets]
@@ -360,7 +380,10 @@ def _compare_with_prediction(
 def _make_optimism_cells(
     rows: Sequence[Mapping[str, Any]], targets: Targets
 ) -> dict[str, float]:
-    """Make the cells of Table 4 with the expected optimism of the answer.
+    """Make the cells of table4.csv that state the expected optimism of the answer.
+
+    The optimism of a prediction is its bias. The search chose the answer because of its
+    favourable predictions, so they are too favourable on average.
 
     Parameters
     ----------
@@ -374,8 +397,8 @@ def _make_optimism_cells(
     Returns
     -------
     dict
-        Optimism and standard error by column of Table 4. Targets without a row are left
-        out.
+        Optimism and standard error by column of table4.csv. Targets without a row are
+        left out.
     """
     rows_by_response = {row["response"]: row for row in rows}
     cells = {}
@@ -388,7 +411,7 @@ def _make_optimism_cells(
 
 
 def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
-    """Summarise the runs of the answer for its row of Table 4.
+    """Summarise the runs of the answer for its row of table4.csv.
 
     Parameters
     ----------
@@ -400,10 +423,11 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     Returns
     -------
     dict
-        Mean and standard error of each target, and of every other angle of a pile; the
-        number of good runs; status and reason. Without a good run there is no mean, and
-        with fewer than two there is no error. Such a value is NaN for a target and None
-        for another angle.
+        The cells by column: mean and standard error of each target; those of the angle
+        of a pile by every definition; `n_seeds`, `status` and `reason` as in
+        `_summarise_statuses`. Without a good run there is no mean. With fewer than two
+        there is no standard error. A missing value of a target is NaN. A missing value
+        of another angle is None.
     """
     is_good = runs["status"] == "ok"
     good_runs = runs[is_good]
@@ -413,35 +437,40 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
         response = target.response
         runs_of_response = select_bench_runs(good_runs, response.apparatus)
         values = runs_of_response[target.name].to_numpy(float)
-        # The array turns None into NaN.
-        mean, error = np.array(mean_and_error(values), dtype=float)
+        # Mean and standard error are None if they cannot be computed. An array of
+        # floats turns None into NaN, as the columns of targets require.
+        mean, standard_error = np.array(mean_and_error(values), dtype=float)
         row[response.simulated] = mean
-        row[response.standard_error] = error
+        row[response.standard_error] = standard_error
         n_good_runs.append(len(values))
-    # The bench tests of the responses may have different numbers of good runs.
-    n_fewest = min(n_good_runs)
+    # The bench tests may have different numbers of good runs. The row has one number
+    # for all of them, so state the smallest one.
+    min_good_runs = min(n_good_runs)
     return (
         row
         | _average_angles(good_runs)
-        | _summarise_statuses(runs.loc[~is_good, "status"], n_fewest)
+        | _summarise_statuses(runs.loc[~is_good, "status"], min_good_runs)
     )
 
 
 def _average_angles(good_runs: pd.DataFrame) -> dict[str, float | None]:
-    """Average the angle of the piles by every definition.
+    """Average the angle of repose of the piles, separately for each definition of it.
 
     Parameters
     ----------
     good_runs : pandas.DataFrame
-        Good runs in all bench tests. Those of another simulator may lack the angles.
+        Good runs in all bench tests. If another program made the runs, they may lack
+        the angles, which are then left out.
 
     Returns
     -------
     dict
-        The mean angles and their standard errors, by column of Table 4.
+        The mean angles and their standard errors, by column of table4.csv.
     """
+    # `UNNAMED` is the name of the funnel, the bench test that makes the piles.
     piles = select_bench_runs(good_runs, UNNAMED)
     means: dict[str, float | None] = {}
+    # The values of `MEAN_KEYS` are the columns of the angle, one for each definition.
     for name in MEAN_KEYS.values():
         if name in piles:
             values = piles[name].dropna().to_numpy(float)
@@ -481,14 +510,15 @@ def _tabulate_batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     Parameters
     ----------
     proposals : sequence of mapping
-        Content of the files proposal.json, in order.
+        The content of each file proposal.json, in order.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each proposal: the number of the batch, the number of runs before it,
-        and the reason. Some strategies add a note `row` with further columns to some of
-        their proposals. The table then has only the rows of these proposals.
+        A row for each proposal: `batch`, the number of the batch; `pours`, the number
+        of runs before it; and `why`, the reason. Some strategies add a note named `row`
+        with further columns to some of their proposals. The table then has only the
+        rows of these proposals.
     """
     rows = []
     rows_with_note = []
@@ -539,8 +569,8 @@ def read_runs_of_batches(
     Returns
     -------
     pandas.DataFrame
-        The rows of `arrange_for_strategy`, with the number of their batch in the column
-        `batch`. It has no columns if there are no batches.
+        The rows of `arrange_for_strategy`. The column `batch` has the number of the
+        batch, from 0. Without batches, the table has no columns.
 
     Raises
     ------
@@ -551,6 +581,7 @@ def read_runs_of_batches(
     earlier_samples: set[int] = set()
     for number, folder in enumerate(folders):
         dataset, runs = read_tables([folder], targets, parameter_names)
+        # A strategy tells samples apart by their numbers alone.
         repeated = earlier_samples.intersection(dataset["sample"])
         if repeated:
             path = Path(folder) / "dataset.csv"
@@ -611,9 +642,9 @@ def arrange_for_strategy(
     """Arrange single runs in the form that a strategy expects: all responses in a row.
 
     A run in one bench test gives only some of the responses. Therefore a row combines a
-    run from each bench test. Row number k of a sample has its good run number k in each
-    bench test, in the order of the table. Another pairing would be as valid, since all
-    runs are independent.
+    run from each bench test. In each bench test, the good runs of a sample are numbered
+    in the order of the table. Row k of the sample combines the runs with number k.
+    Another pairing would be as valid, since all runs are independent.
 
     Parameters
     ----------
@@ -628,9 +659,10 @@ def arrange_for_strategy(
     Returns
     -------
     pandas.DataFrame
-        Sample, parameters and responses. A sample has as many rows as it has runs in
-        the bench test that ran it most often. A response is NaN where a bench test has
-        fewer good runs of the sample than there are rows.
+        Sample, parameters and responses. The number of rows of a sample is its largest
+        number of runs in one bench test. Failed runs count, so that a sample without
+        any good run stays in the table. A response is NaN where a bench test has fewer
+        good runs of the sample than there are rows.
     """
     sample_and_bench_test = ["sample"]
     if "apparatus" in runs:

@@ -313,17 +313,17 @@ def read_card(path: StrPath) -> dict[str, Any]:
 
 
 def check_card(card: Mapping[str, Any], source: object) -> None:
-    """Raise InputError with all faults at once, unless the content is a valid card."""
+    """Raise an InputError with all errors at once, unless a card is valid."""
     model = OtherCard if "simulator" in card else Card
     try:
         model.model_validate(card)
     except ValidationError as error:
-        raise_together(translate_faults(error, source))
+        raise_together(translate_errors(error, source))
     if model is Card:
-        raise_together(_find_parameter_faults(card["parameters"], source))
+        raise_together(_find_parameter_errors(card["parameters"], source))
 
 
-def translate_faults(
+def translate_errors(
     error: ValidationError, source: object, prefix: str = ""
 ) -> Iterator[InputError]:
     """Translate the errors that pydantic found in a card into errors of this program.
@@ -343,26 +343,33 @@ def translate_faults(
     InputError
         One for each error, with its dotted key, the value, and what is allowed.
     """
-    for fault in error.errors(include_url=False):
-        keys = [str(step) for step in fault["loc"] if step not in PYDANTIC_STEPS]
+    for detail_of_error in error.errors(include_url=False):
+        # Pydantic adds the names of its own types to the location of an error. They are
+        # no keys of the card.
+        location = detail_of_error["loc"]
+        keys = [str(step) for step in location if step not in PYDANTIC_STEPS]
         dotted_key = prefix + ".".join(keys)
 
-        value = fault["input"]
-        if fault["type"] == "missing":
+        value = detail_of_error["input"]
+        if detail_of_error["type"] == "missing":
             # Pydantic's input is the section that lacks the key, not a value of the
             # key.
             value = None
-            detail = "the key is missing"
-        elif fault["type"] == "extra_forbidden":
-            detail = "a known key"
+            expected = "the key is missing"
+        elif detail_of_error["type"] == "extra_forbidden":
+            expected = "a known key"
         else:
-            detail = fault["msg"].removeprefix("Input should be ")
+            # "Input should be 'a' or 'b'" becomes "'a' or 'b'".
+            expected = detail_of_error["msg"].removeprefix("Input should be ")
         yield InputError(
-            source, key=dotted_key, value=value, allowed=f"{EXPECTED_CONTENT}: {detail}"
+            source,
+            key=dotted_key,
+            value=value,
+            allowed=f"{EXPECTED_CONTENT}: {expected}",
         )
 
 
-def _find_parameter_faults(
+def _find_parameter_errors(
     parameters: Mapping[str, Mapping[str, Any]], source: object
 ) -> Iterator[InputError]:
     """Find contact parameters that are missing, and values outside the physical limits.
@@ -370,7 +377,8 @@ def _find_parameter_faults(
     Parameters
     ----------
     parameters : mapping
-        The parameters of a card by name, each with `value`, `low` and `high`.
+        The parameters of a card by name, each with `value`, `low` and `high`. The model
+        `Card` has checked that their names are those of `PHYSICAL_LIMITS`.
     source : object
         The file of the card, for the messages.
     """

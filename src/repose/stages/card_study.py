@@ -136,16 +136,21 @@ def write_card(
 ) -> dict[str, Any]:
     """Make and write the material card of a finished calibration.
 
+    A material card is a JSON file with everything that another user needs: the grain,
+    the contact laws, the calibrated parameters, and the tests on which they are based.
+
     Parameters
     ----------
     study : CardStudy
         The study.
     answer : Result
-        The answer of the study, simulated again.
+        The calibrated parameter set, with the check that simulated it again.
     files : mapping of str to path
-        The input files by name. ``feasible`` is always needed. ``berry`` and
-        ``particle`` are needed if repose simulated the study. ``posterior``,
-        ``table4`` and ``dataset`` may be None. ``draws`` is needed with ``posterior``.
+        The input files by name. ``feasible`` (all parameter sets that the search found)
+        is always needed. ``posterior`` and ``table4`` must be present, but may be None.
+        ``draws`` is needed if ``posterior`` is not None. If repose simulated the study,
+        ``berry`` (the measured grains) and ``particle`` (the simulated grain) are
+        needed, too, and ``dataset`` must be present, but may be None.
     out : path
         The file to write.
 
@@ -205,7 +210,7 @@ def _read_posterior(
 
 
 def _read_answer_row(table4_csv: StrPath | None) -> dict[str, Any] | None:
-    """Read the answer's row of Table 4; None for a study without this table."""
+    """Read the answer's row of table4.csv; None for a study without this table."""
     from repose.stages.tables import find_answer  # slow to import
 
     if table4_csv is None:
@@ -224,25 +229,27 @@ def make_card(
     dataset_csv: StrPath | None = None,
     answer_row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Make the material card of a calibration.
+    """Make the material card of a calibration that repose simulated.
 
     Parameters
     ----------
-    study, answer
-        As in `write_card`.
+    study : CardStudy
+        The study.
+    answer : Result
+        The calibrated parameter set, with the check that simulated it again.
     grain : mapping
         The content of `berry.json`: the measured grains.
     particle : Particle
         The shape and mass of a simulated grain of mean size.
     feasible : pandas.DataFrame
-        The feasible parameter sets that the search found.
-    posterior : tuple of two pandas.DataFrame, optional
-        Intervals and draws of the posterior.
+        The parameter sets that the search found.
+    posterior : PosteriorTables, optional
+        Two tables: the intervals of the posterior, and draws from it.
     dataset_csv : path, optional
-        The simulated samples of the study. Their piles help to judge whether a pile can
-        have the angle of a target.
+        The simulated samples of the study. Their piles help to judge whether piles of
+        these grains can reach the angle of a target.
     answer_row : mapping, optional
-        The row of the answer in `table4.csv`. If it has the angle of the answer's piles
+        The row of the answer in table4.csv. If it has the angle of the answer's piles
         by every definition in `repose.measure.angles`, the card states all of them.
 
     Returns
@@ -253,6 +260,7 @@ def make_card(
     settings = study.settings
     # Without a distribution of sizes, all grains are simulated with the mean size.
     has_equal_grains = settings.berry.size_distribution == "none"
+    # The subject is what was simulated, apart from the parameters.
     subject = {
         "grain": _describe_grain(has_equal_grains, grain, particle),
         "wall": {key: getattr(settings.wall, key) for key in WALL_KEYS},
@@ -269,7 +277,9 @@ def make_card(
             **describe_response(study, target.response, grain),
             **_describe_angles(settings.measure, target.name, answer_row or {}),
         }
-    # For an angle, add whether piles of these grains can have it at the target height.
+    # For each target that is an angle of a pile, add whether piles of these grains can
+    # have it at the height that another target demands. The names of the assessments
+    # are names of targets.
     assessments = reach.assess_targets(study.config, particle, dataset_csv)
     for name, assessment in assessments.items():
         tests[name]["reach"] = assessment.record()
@@ -293,16 +303,26 @@ def make_external_card(
     posterior: "PosteriorTables | None" = None,
     answer_row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Make the card of a calibration whose runs were made by another program.
+    """Make the material card of a calibration that another program simulated.
 
-    The configuration states in words how each response is defined.
+    Only the user knows how that program defines a response. The card therefore repeats
+    the words with which the configuration describes it.
 
     Parameters
     ----------
-    study, answer, feasible, posterior, answer_row
-        As in `make_card`.
+    study : CardStudy
+        The study.
+    answer : Result
+        The calibrated parameter set, with the check that simulated it again.
     simulator : str
         Name of the program.
+    feasible : pandas.DataFrame
+        The parameter sets that the search found.
+    posterior : PosteriorTables, optional
+        Two tables: the intervals of the posterior, and draws from it.
+    answer_row : mapping, optional
+        The row of the answer in table4.csv. If it has the angle of the answer's piles
+        by every definition in `repose.measure.angles`, the card states all of them.
 
     Returns
     -------
@@ -315,6 +335,8 @@ def make_external_card(
     }
     tests = {}
     for name in study.targets.names:
+        # The card of every study has these keys. The settings of another program are
+        # unknown, so they stay empty.
         definition: dict[str, Any] = {
             "name": definition_of_response[name],
             "settings": {},
@@ -333,18 +355,19 @@ def make_external_card(
 
 
 def describe_laws(settings: SimulationSettings) -> dict[str, str]:
-    """Describe the contact laws of a study in a sentence for each direction of motion.
+    """Describe the contact laws of a study, in a sentence for each part of a law.
 
     Parameters
     ----------
     settings : SimulationSettings
-        Names of the contact law and the rolling law, and what happens under tension.
+        It names the contact law, the law of rolling resistance, and in `tension` the
+        rule for a contact whose damped normal force would pull.
 
     Returns
     -------
     dict
-        The sentences by direction. The sentence under "end of an impact" says when two
-        bodies separate.
+        The sentences. Their keys are the directions of the force, such as `normal`, and
+        "end of an impact", whose sentence says when two grains separate.
     """
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
     from repose.dem.laws.law import COULOMB
@@ -352,7 +375,9 @@ def describe_laws(settings: SimulationSettings) -> dict[str, str]:
     contact_law = CONTACT_LAWS[settings.contact_law]
     rolling_law = ROLLING_LAWS[settings.rolling_law]
 
-    # Fill the limit of friction, which depends on the tension, into the sentences.
+    # The sentences of a law contain `{limit}`, the name of the normal force that limits
+    # friction. Which force this is depends on `tension`: `COULOMB` translates it into a
+    # key of the law's texts `limits`.
     friction_limit = contact_law.limits[COULOMB[settings.tension]]
     templates = {**contact_law.words, **rolling_law.words}
     sentences = {}
@@ -397,10 +422,12 @@ def describe_response(
 
 
 def _find_chosen_response(study: CardStudy, response: Response) -> Response:
-    """Find the response that the study calibrates under a general name.
+    """Find the response that names the definition which a study calibrates.
 
-    The angle of repose has several definitions. Each is a separate response, and the
-    configuration chooses one of them.
+    The angle of repose has several definitions. The targets use its general name, and
+    the configuration chooses a definition (`measure.response`). Each definition is also
+    a response of its own, whose name ends with that of the definition. A response with
+    a single definition is returned unchanged.
     """
     if CHOSEN_DEFINITION_KEY not in response.definition:
         return response
@@ -408,19 +435,23 @@ def _find_chosen_response(study: CardStudy, response: Response) -> Response:
     for other in bench(response.apparatus).responses:
         if other.name == name:
             return other
-    # The bench test has no separate response for this definition.
+    # This bench test offers only the general response.
     return response
 
 
 def _collect_definition_settings(
     study: CardStudy, response: Response, grain: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the settings that define a response, by the last part of their keys.
+    """Collect the settings of the configuration that define a response.
+
+    A setting has the last part of its dotted key, such as `response` for
+    `measure.response`. The last parts of the keys of a response differ.
 
     The height of a grain may be missing from the configuration. It is then computed
-    from the grain, and rounded.
+    from the grain, and rounded, so that the card does not depend on rounding errors.
     """
     settings = {}
+    # `Response.settings` selects the settings of this response from a configuration.
     for dotted_key, value in response.settings(study.config).items():
         _, _, last_part = dotted_key.rpartition(".")
         settings[last_part] = value
@@ -469,9 +500,10 @@ def _select_bench_settings(study: CardStudy, test_name: str) -> dict[str, Any]:
 def _describe_angles(
     measure: MeasureSettings, response_name: str, answer_row: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Describe how the angle of a pile is defined, and its values by all definitions.
+    """Describe how the angle of a pile is defined, and list it by each definition.
 
-    Each definition fits a different line to the side of a pile. The angle is its slope.
+    The angle is the slope of a line along the side of the pile. Each definition fits a
+    different line.
 
     Parameters
     ----------
@@ -480,15 +512,16 @@ def _describe_angles(
     response_name : str
         Name of a response.
     answer_row : mapping
-        The row of the answer in `table4.csv`. It may be empty.
+        The row of the answer, the calibrated parameter set, in table4.csv. It may be
+        empty.
 
     Returns
     -------
     dict
         ``line`` describes the line of the response. If the row has the angles by all
-        definitions, ``definitions`` has the line, the mean angle and its standard error
-        by the name of the definition. The dict is empty if the response is not the
-        angle of a pile.
+        definitions, ``definitions`` has for each definition the line, the mean angle
+        and its standard error. The dict is empty if the response is not the angle of a
+        pile.
     """
     from repose.measure.angles import MEAN_KEYS
     from repose.measure.settings import describe_line_of_response, line_of
@@ -496,8 +529,8 @@ def _describe_angles(
     line = describe_line_of_response(measure, response_name)
     if not line:
         return {}
-    # Without Table 4 the row is empty. The row of another simulator may lack the
-    # angles.
+    # Without table4.csv the row is empty. The row of another simulator may lack the
+    # angles. `MEAN_KEYS` has the column of the mean angle for each definition.
     has_all_angles = set(MEAN_KEYS.values()) <= set(answer_row)
     if not has_all_angles:
         return {"line": line}
@@ -528,12 +561,12 @@ def _describe_grain(
     grain : mapping
         The content of `berry.json`.
     particle : Particle
-        The simulated body.
+        The simulated grain.
     """
     spheres_mm = [
         [_round_to_six_digits(1e3 * x) for x in row] for row in particle.spheres_m
     ]
-    half_axes_mm = [
+    semi_axes_mm = [
         [_round_to_six_digits(1e3 * x) for x in row] for row in particle.semi_axes_m
     ]
     # A table of equal sizes repeats their mean, so it counts as one measurement.
@@ -549,7 +582,7 @@ def _describe_grain(
         "inertia_kg_m2": [
             _round_to_six_digits(float(x)) for x in particle.inertia_kg_m2
         ],
-        "ellipsoids_mm": half_axes_mm,
+        "ellipsoids_mm": semi_axes_mm,
         "spheres_mm": spheres_mm,
     }
 
@@ -588,15 +621,15 @@ def require_same_study(
     source: StrPath,
     grain: Mapping[str, Any],
 ) -> None:
-    """Refuse a card and a configuration that belong to different studies.
+    """Raise an InputError unless a card and a configuration belong to the same study.
 
-    A card of an earlier version has no record of its settings, so its own content is
-    compared.
+    Cards of earlier versions have no record of all settings. Therefore the values that
+    a card states are compared with those of the configuration.
 
     Parameters
     ----------
     content : mapping
-        The card.
+        The content of the card.
     card_json : path
         The file of the card, for the message.
     study : CardStudy
@@ -613,9 +646,11 @@ def require_same_study(
     """
     card_values = _collect_card_values(content)
     study_values = _collect_study_values(study, grain, content["tests"])
-    # Cards of earlier versions lack the gravity.
+    # Cards of earlier versions lack the gravity, so it cannot be compared.
     if GRAVITY_KEY not in card_values:
-        del study_values[GRAVITY_KEY]
+        study_values.pop(GRAVITY_KEY)
+    # The keys are in the order of `_collect_study_values`, which begins with those that
+    # tell two studies apart at a glance.
     different_keys = [
         key
         for key, value in study_values.items()
@@ -641,25 +676,29 @@ def require_same_study(
 
 
 def _collect_card_values(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Collect the values of a card that describe its study.
+    """Collect those values of a card that a configuration states, too.
+
+    `_collect_study_values` collects the same values from a configuration and must use
+    the same keys.
 
     Parameters
     ----------
     content : mapping
-        The card.
+        The content of the card.
 
     Returns
     -------
     dict
-        The values by dotted key. A key begins with the part of the card, or with the
-        bench test.
+        The values by dotted key. A key begins with the section of the card, such as
+        `wall.poisson_ratio`, or with the name of the bench test.
     """
     values: dict[str, Any] = {"material": content["material"]}
-    for part in ("grain", "wall", "laws"):
-        for key, value in content[part].items():
-            values[f"{part}.{key}"] = value
+    for section in ("grain", "wall", "laws"):
+        for key, value in content[section].items():
+            values[f"{section}.{key}"] = value
     if "simulation" in content:  # cards of earlier versions lack it
         values[GRAVITY_KEY] = content["simulation"]["gravity_m_s2"]
+    # In a test, `apparatus` is the name of the bench test, and `bench` its settings.
     for test in content["tests"]:
         for key, value in test["bench"].items():
             values[f"{test['apparatus']}.{key}"] = value
@@ -671,16 +710,21 @@ def _collect_study_values(
     grain: Mapping[str, Any],
     card_tests: Iterable[Mapping[str, Any]],
 ) -> dict[str, Any]:
-    """Collect the values of a study under the keys of `_collect_card_values`.
+    """Collect those values of a configuration that a card states, too.
+
+    `_collect_card_values` collects the same values from a card and must use the same
+    keys.
 
     Parameters
     ----------
     study : CardStudy
         The study of the configuration.
     grain : mapping
-        The grain of the configuration.
+        The grain of the configuration. The mean of each axis has the name of its column
+        in `SIZE_COLUMNS`.
     card_tests : iterable of mapping
-        The tests of the card. They determine which keys of a bench test are compared.
+        The tests of the card. They determine which bench tests are compared, and which
+        of their settings.
 
     Returns
     -------
@@ -689,6 +733,7 @@ def _collect_study_values(
     """
     settings = study.settings
     values: dict[str, Any] = {
+        # A card calls the label of its study the material.
         "material": settings.label,
         "grain.mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
     }
@@ -700,6 +745,7 @@ def _collect_study_values(
         values[f"laws.{direction}"] = sentence
     values[GRAVITY_KEY] = settings.simulation.gravity_m_s2
 
+    # In a test, `apparatus` is the name of the bench test, and `bench` its settings.
     for test in card_tests:
         name = test["apparatus"]
         section = study.config.get(name, {})
@@ -721,7 +767,9 @@ def _is_same(first: object, second: object) -> bool:
 
 
 def rebuild_configuration(content: Mapping[str, Any], source: object) -> dict[str, Any]:
-    """Rebuild from a card the sections of a configuration that a deck needs.
+    """Rebuild from a card those sections of a configuration that the export needs.
+
+    The export writes the input script of another simulator.
 
     Parameters
     ----------
@@ -761,20 +809,27 @@ def rebuild_configuration(content: Mapping[str, Any], source: object) -> dict[st
 
 
 def _rebuild_funnel(content: Mapping[str, Any], source: object) -> dict[str, Any]:
-    """Rebuild the section of the funnel from a card, with a single run.
+    """Rebuild the section `funnel` of a configuration from a card.
 
     Parameters
     ----------
     content : mapping
-        The card.
+        The content of the card.
     source : object
         Its file, for messages.
+
+    Returns
+    -------
+    dict
+        The section. It asks for a single run, because a card does not state how many
+        seeds the study had.
 
     Raises
     ------
     InputError
         If no test of the card used the funnel, or if its settings are wrong.
     """
+    # In a test, `apparatus` is the name of the bench test, and `bench` its settings.
     sections = []
     for test in content["tests"]:
         if test["apparatus"] == "funnel" and test["bench"] is not None:
@@ -788,25 +843,27 @@ def _rebuild_funnel(content: Mapping[str, Any], source: object) -> dict[str, Any
             allowed="the card of a study with piles of the funnel",
         )
 
-    # Several targets of the funnel share its section.
+    # Several targets of the funnel have the same settings, so take the first ones.
     funnel = {**sections[0], "seeds": 1}
     try:
         FunnelSettings.model_validate(funnel)
     except ValidationError as error:
-        raise_together(card.translate_faults(error, source, prefix="tests.bench."))
+        # This always raises, because a ValidationError has at least one entry.
+        raise_together(card.translate_errors(error, source, prefix="tests.bench."))
     return funnel
 
 
 def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
     """Find the names of the contact laws that a card describes in sentences.
 
-    The sentences of a card cannot be parsed. Instead the function describes every
-    combination of laws, until the sentences are equal to those of the card.
+    A card states sentences and no names. The function therefore describes every
+    combination of laws by `describe_laws`, until the sentences are those of the card.
+    If a later version changes a sentence, the laws of older cards are not found.
 
     Parameters
     ----------
     content : mapping
-        The card.
+        The content of the card.
     source : object
         Its file, for messages.
 
@@ -822,9 +879,12 @@ def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
     """
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
+    # The values that `simulation.tension` may have.
     tensions = ("release", "keep")
     for contact, tension, rolling in product(CONTACT_LAWS, tensions, ROLLING_LAWS):
         law_names = {"contact_law": contact, "tension": tension, "rolling_law": rolling}
+        # Skip the validation, which would require the other keys of the section. Only
+        # these three determine the sentences.
         settings = SimulationSettings.model_construct(None, **law_names)
         if describe_laws(settings) == content["laws"]:
             return law_names
@@ -874,7 +934,8 @@ def _read_particle(grain: Mapping[str, Any], source: object) -> "Particle":
     """
     from repose.grain.particle import Particle
 
-    # A row has the half axes of an ellipsoid, or the centre and radius of a sphere.
+    # The grain is a sum of ellipsoids or a clump of spheres. A row has the semi-axes of
+    # an ellipsoid, or the centre and the radius of a sphere.
     semi_axes_m = 1e-3 * np.array(grain["ellipsoids_mm"], float).reshape(-1, 3)
     spheres_m = 1e-3 * np.array(grain["spheres_mm"], float).reshape(-1, 4)
     if len(semi_axes_m) == 0 and len(spheres_m) == 0:
@@ -887,8 +948,9 @@ def _read_particle(grain: Mapping[str, Any], source: object) -> "Particle":
     radius_m = _compute_enclosing_radius(semi_axes_m, spheres_m)
     mass_kg = 1e-3 * grain["mass_g"]
 
-    # A card of an earlier version has no moments of inertia. Those of a solid sphere
-    # replace them, which would be wrong for a clump of spheres.
+    # A card of an earlier version has no moments of inertia. For a smooth grain, those
+    # of a solid sphere stand in for them. The export replaces such a grain by a sphere
+    # or a clump anyway, whose moments are computed again. For a clump they are needed.
     inertia_kg_m2 = grain.get("inertia_kg_m2")
     if inertia_kg_m2 is None:
         if len(spheres_m) > 1:
@@ -927,8 +989,8 @@ def _compute_enclosing_radius(
     Parameters
     ----------
     semi_axes_m : ndarray
-        Half axes (K, 3) of ellipsoids. The body is their Minkowski sum, so its own half
-        axes are the sums of theirs.
+        Semi-axes (K, 3) of ellipsoids. The body is their Minkowski sum, so its own
+        semi-axes are the sums of theirs.
     spheres_m : ndarray
         Centres and radii (M, 4) of the spheres of a clump. If there are none, the body
         consists of the ellipsoids.

@@ -68,8 +68,8 @@ def describe_card(card: Card) -> str:
     Returns
     -------
     str
-        Several lines: verdict, grain and laws, parameters, tests, and what made the
-        card.
+        Several lines: whether the targets are met, grain and contact laws, parameters,
+        tests, and the version of repose that made the card.
     """
     lines = [f"Material card: {card['material']}; targets {get_verdict(card)}"]
     if "reason" in card:
@@ -77,7 +77,7 @@ def describe_card(card: Card) -> str:
     lines += _describe_subject(card)
     lines += _describe_parameters(card)
     lines += _describe_tests(card)
-    lines.append(_describe_maker(card["made_by"]))
+    lines.append(_describe_origin(card["made_by"]))
     return "\n".join(lines)
 
 
@@ -86,7 +86,9 @@ def _describe_parameters(card: Card) -> Iterator[str]:
     yield f"parameters [{_describe_interval_kind(card)}]:"
     for name, parameter in card["parameters"].items():
         meaning = add_remark(parameter["meaning"], parameter)
+        # The widths suit the names of contact parameters and numbers of four digits.
         yield f"  {name:7} {_format_interval(parameter):32} {meaning}"
+    # The card lists parameters whose value is close to an end of its range.
     if "near_bounds" in card:
         yield f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(card['near_bounds'])}"
     yield (
@@ -96,13 +98,18 @@ def _describe_parameters(card: Card) -> Iterator[str]:
 
 
 def _describe_tests(card: Card) -> Iterator[str]:
-    """Describe all tests of a card, and how well they are met together, line by line."""
+    """Describe all tests of a card, and how well they are met together, line by line.
+
+    A test is a target with the measured, the predicted and the simulated mean of its
+    response.
+    """
     yield "tests:"
     for test in card["tests"]:
         for line in _describe_test(test):
             yield f"  {line}"
     yield f"  {describe_differences(map(_read_check, card['tests']))}"
-    # The probability is unknown with too few runs.
+    # `within` has the probability that all means lie within so many percent of their
+    # targets. It is unknown with too few runs.
     for percent, probability in card["within"].items():
         if probability is None:
             text = "unknown; it requires two good runs of each bench test"
@@ -123,9 +130,9 @@ def _describe_interval_kind(card: Card) -> str:
 def _describe_subject(card: Card) -> Iterator[str]:
     """Describe what was simulated, line by line.
 
-    For a study of repose, these lines describe grain, wall and contact laws. For
-    another simulator, they state its name, and the probability that its means meet the
-    targets.
+    For a study that repose simulated, these lines describe grain, wall and contact
+    laws. For a study of another simulator, they state the name of this simulator and
+    the probability that its means meet the targets.
     """
     if "simulator" in card:
         yield f"simulator: {card['simulator']}"
@@ -147,10 +154,13 @@ def _describe_grain(grain: Card) -> Iterator[str]:
     `grain` is the section `grain` of a card.
     """
     axes = " x ".join(format_significant(axis) for axis in grain["mean_axes_mm"])
+    # `measured` is the number of measured grains. It is 1 if only their mean is known.
     if grain["measured"] == 1:
         sizes = "mean axes only"
     else:
         sizes = f"mean of {grain['measured']}"
+    # The spread is the standard deviation of the size, as a fraction of its mean. It is
+    # 0 if all grains were simulated with the mean size.
     if grain["relative_spread"]:
         sizes += f", spread {format_significant(100 * grain['relative_spread'], 2)} %"
     volume = format_significant(grain["volume_mm3"])
@@ -180,12 +190,15 @@ def _list_strong_correlations(card: Card) -> str:
 
 
 def _describe_test(test: Card) -> Iterator[str]:
-    """Describe the result of a test, and how its response is defined, line by line.
+    """Describe the result for one target, and how its response is defined.
+
+    The text is yielded line by line.
 
     Parameters
     ----------
     test : mapping
-        An entry of `tests` in a card.
+        An entry of the list `tests` in a card: a target with the measured, the
+        predicted and the simulated mean of its response.
     """
     measured = format_significant(test["measured"])
     sd = format_significant(test["sd"], 2)
@@ -203,6 +216,7 @@ def _describe_test(test: Card) -> Iterator[str]:
     check = _read_check(test)
     if check.predicted is not None and check.error_percent is not None:
         predicted = format_significant(check.predicted)
+        # Optimism is the expected bias of the prediction. The text may be empty.
         optimism = f" ({check.optimism_clause})" if check.optimism_clause else ""
         yield (
             f"  predicted {predicted}{optimism}, {check.error_percent:.1f} % "
@@ -210,8 +224,11 @@ def _describe_test(test: Card) -> Iterator[str]:
         )
 
     yield f"  definition: {_format_definition(test['definition'])}"
+    # Whether piles of these grains can have the angle of the target.
     if "reach" in test:
         yield f"  {test['reach']['sentence']}"
+    # The angle of a pile is the slope of a line along its side. List it by every
+    # definition of this line.
     if "definitions" in test:
         angles = _format_angles(test["definitions"])
         yield f"  the same piles by every line, {test['unit']}: {angles}"
@@ -236,7 +253,7 @@ def _format_angles(definitions: Card) -> str:
     return "; ".join(texts)
 
 
-def _describe_maker(made_by: Card) -> str:
+def _describe_origin(made_by: Card) -> str:
     """Describe with which version, settings and seed a card was made."""
     parts = [f"made by repose {made_by['version']}"]
     for key in ("commit", "configuration", "engine", "seed"):
@@ -249,7 +266,7 @@ def _describe_maker(made_by: Card) -> str:
 
 
 def compare_cards(first: Card, second: Card) -> str:
-    """Write two cards side by side, and below them how their studies differ.
+    """Format two cards side by side, and below them how their studies differ.
 
     Parameters
     ----------
@@ -278,7 +295,7 @@ def compare_cards(first: Card, second: Card) -> str:
         )
         rows.append([name, *means])
 
-    # Cards of other simulators have no grain.
+    # Only the card of another simulator has the key `simulator`. It has no grain.
     if "simulator" not in first and "simulator" not in second:
         for key in COMPARED_GRAIN_KEYS:
             values = (first["grain"][key], second["grain"][key])
@@ -334,7 +351,7 @@ def _describe_differences(first: Card, second: Card) -> Iterator[str]:
     simulator = first.get("simulator", "repose")
     other_simulator = second.get("simulator", "repose")
     if simulator != other_simulator:
-        yield f"Another simulator: {simulator} | {other_simulator}."
+        yield f"Different simulators: {simulator} | {other_simulator}."
     if "laws" in first and "laws" in second:
         for name in first["laws"] | second["laws"]:
             law = first["laws"].get(name, "none")
@@ -350,6 +367,7 @@ def _describe_differences(first: Card, second: Card) -> Iterator[str]:
         yield (
             f"The intervals differ in kind: {first['interval']} | {second['interval']}."
         )
+    # `engine` is a hash of the code of the simulator and the bench tests.
     if first["made_by"]["engine"] != second["made_by"]["engine"]:
         yield "The versions of the simulator differ."
 

@@ -54,7 +54,8 @@ def make_tables(
     samples : pandas.DataFrame
         Number and parameters of each sample.
     jobs : mapping
-        The measured jobs by bench test, and then by number of the sample.
+        The measured jobs by bench test, and then by number of the sample. A job has its
+        measured runs under the key `runs`.
     targets : Targets
         The targets of the study.
     parameter_names : sequence of str, optional
@@ -64,7 +65,8 @@ def make_tables(
     Returns
     -------
     pandas.DataFrame
-        A row for each sample. Its status is ok if all its bench tests are ok.
+        A row for each sample: parameters, status, and the mean of each response with
+        its standard error. The status is ok if all bench tests of the sample are ok.
     pandas.DataFrame
         A row for each run.
     """
@@ -82,29 +84,31 @@ def make_tables(
         }
         summaries.append(_merge_summaries(summaries_of_sample))
 
-    # Each target and its standard error come first, then the other recorded columns.
+    # After the status, each target and its standard error come first, then the other
+    # columns that the bench tests record.
     columns = list(STATUS_COLUMNS)
-    for name, error in zip(targets.names, targets.errors, strict=True):
-        columns += [name, error]
+    for name, error_column in zip(targets.names, targets.errors, strict=True):
+        columns += [name, error_column]
     for recorded in recorded_by_bench_test.values():
         columns += recorded.summary
-    means = pd.DataFrame(summaries, columns=_drop_repeated(columns))
+    summary_table = pd.DataFrame(summaries, columns=_drop_repeated(columns))
 
     parameters = list_parameters(samples, parameter_names)
-    sets = samples[["sample", *parameters]].reset_index(drop=True)
-    dataset = pd.concat([sets, means], axis=1)
+    parameter_sets = samples[["sample", *parameters]].reset_index(drop=True)
+    dataset = pd.concat([parameter_sets, summary_table], axis=1)
     return dataset, _tabulate_runs(samples["sample"], jobs, targets)
 
 
 def _drop_repeated(columns: Iterable[str]) -> list[str]:
-    """Drop repeated names, because a target may also be a recorded column."""
+    """Drop repeated names, because the response of a target may be recorded anyway."""
     return list(dict.fromkeys(columns))
 
 
 def list_recorded_columns(bench_test: str, targets: Targets) -> Recorded:
-    """List the columns of a bench test in the tables.
+    """List the columns of a bench test in the tables of samples and of runs.
 
-    Its targets come first, then the responses that it always records.
+    The responses of the targets come first, then those that the bench test always
+    records. `OWN_BENCH` stands for the user's own program, which records only targets.
     """
     names = tuple(target.name for target in _select_targets(targets, bench_test))
     if bench_test == OWN_BENCH:
@@ -173,12 +177,14 @@ def write_dataset(
     prefix: str = "",
     parameter_names: Sequence[str] | None = None,
 ) -> dict[str, Any]:
-    """Write dataset.csv, runs.csv and dataset_summary.json.
+    """Write the table of samples, the table of their runs, and a summary of both.
+
+    The files are dataset.csv, runs.csv and dataset_summary.json.
 
     Parameters
     ----------
     samples_csv : path
-        The samples.
+        Table of the parameter sets that were simulated.
     paths : iterable of path
         Files of the measured jobs.
     targets : Targets
@@ -186,7 +192,7 @@ def write_dataset(
     definitions : mapping
         How the configuration defines the responses.
     out : path
-        Folder to write.
+        Folder for the files.
     prefix : str, optional
         Text that is put before the names of the files.
     parameter_names : sequence of str, optional
@@ -196,8 +202,9 @@ def write_dataset(
     Returns
     -------
     dict
-        The summary. It has the entries of `count_by_status` and ``definitions``. If the
-        angle of repose is calibrated, ``line`` describes the line whose slope it is.
+        The content of dataset_summary.json. It has the entries of `count_by_status` and
+        ``definitions``. The angle of repose is the slope of a line along the side of
+        the pile. If this angle is a target, ``line`` describes the line.
     """
     samples = read_samples(samples_csv, parameter_names=parameter_names)
     jobs = read_jobs(paths, samples, targets, parameter_names)
@@ -206,7 +213,8 @@ def write_dataset(
 
     definition_of_angle = definitions.get(CALIBRATED_ANGLE, {})
     if "measure.response" in definition_of_angle:
-        # The keys begin with the name of the section, as in `measure.response`.
+        # Remove the name of the section from the keys: `measure.response` becomes
+        # `response`.
         settings = {
             key.rpartition(".")[2]: value for key, value in definition_of_angle.items()
         }
@@ -227,10 +235,12 @@ def read_jobs(
 ) -> dict[str, dict[int, Job]]:
     """Read all jobs, and check them against the table of samples.
 
+    Each sample must have exactly one job in each bench test of the targets.
+
     Parameters
     ----------
     paths : iterable of path
-        The files of the jobs.
+        The files of the measured jobs.
     samples : pandas.DataFrame
         A row for each sample, with its number and its parameters.
     targets : Targets
@@ -247,16 +257,20 @@ def read_jobs(
     Raises
     ------
     InputError
-        If a job is damaged or belongs to no sample, or if a sample has no job or
-        several.
+        If a job is damaged, belongs to no sample or no bench test of the targets, or
+        has other parameters than its sample. Also if a sample has no job in a bench
+        test, or several.
     """
     parameter_columns = list(list_parameters(samples, parameter_names))
     parameters_of_samples = samples.set_index("sample")[parameter_columns]
     jobs: dict[str, dict[int, Job]] = {
         bench_test: {} for bench_test in targets.apparatus
     }
+    # The path of each job by its bench test and sample, for the message about a second
+    # one.
     path_of_job: dict[tuple[str, int], object] = {}
     for path in paths:
+        # `read_job` has checked that `bench_test` is a key of `jobs`.
         job, bench_test = read_job(path, targets)
         sample = job["sample"]
         if sample not in parameters_of_samples.index:
@@ -278,7 +292,7 @@ def read_jobs(
 
 
 def _require_all_samples(jobs: Jobs, samples: Iterable[int]) -> None:
-    """Refuse the jobs if a sample has none in one of the bench tests."""
+    """Raise an InputError if a sample has no job in one of the bench tests."""
     for bench_test, jobs_by_sample in jobs.items():
         missing_samples = [
             int(sample) for sample in samples if sample not in jobs_by_sample
@@ -293,7 +307,7 @@ def _require_all_samples(jobs: Jobs, samples: Iterable[int]) -> None:
 
 
 def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
-    """Refuse a job whose parameters differ from those of its sample."""
+    """Raise an InputError if a job has other parameters than its sample."""
     for name, sample_value in parameters.items():
         expected = float(sample_value)
         value = job["parameters"].get(name)
@@ -314,14 +328,17 @@ def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
 
 
 def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
-    """Read the file of a job, and check its runs.
+    """Read the file of a measured job, and check its runs.
+
+    A job has all runs of one parameter set in one bench test. A good run must have the
+    responses of all targets that this bench test measures.
 
     Parameters
     ----------
     path : path
         The file.
     targets : Targets
-        Each good run must have the responses of the targets in the job's bench test.
+        The targets of the study.
 
     Returns
     -------
@@ -333,10 +350,12 @@ def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
     Raises
     ------
     InputError
-        If no target belongs to this bench test, or if a run is damaged.
+        If no target belongs to this bench test. Also if a run has an unknown status, no
+        seed or the seed of another run, or if a good run lacks a response.
     """
-    keys = {"sample": int, "parameters": dict, "runs": list}
-    job = read_json(path, keys, "a job's JSON file")
+    required_keys = {"sample": int, "parameters": dict, "runs": list}
+    job = read_json(path, required_keys, "a job's JSON file")
+    # The key `apparatus` names the bench test. Jobs of the funnel, `UNNAMED`, lack it.
     bench_test = job.get("apparatus", UNNAMED)
     if bench_test not in targets.apparatus:
         raise InputError(
@@ -348,7 +367,8 @@ def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
     if not job["runs"]:
         raise InputError(path, key="runs", value=[], allowed="at least one run")
 
-    # The statuses that a run may have depend on its bench test.
+    # The statuses that a run may have depend on its bench test. `OWN_BENCH` stands for
+    # the user's own program, which is no bench test of repose.
     if bench_test == OWN_BENCH:
         statuses: tuple[str, ...] = RUN_STATUSES
     else:
@@ -367,7 +387,7 @@ def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
 def _check_status(
     run: object, run_key: str, statuses: Sequence[str], path: object
 ) -> None:
-    """Refuse a run with an unknown status, or an entry of a file that is not a run.
+    """Raise an InputError if an entry is not a run, or its status is unknown.
 
     Parameters
     ----------
@@ -388,7 +408,7 @@ def _check_status(
 
 
 def _check_seeds(runs: Sequence[Mapping[str, Any]], path: object) -> None:
-    """Refuse runs without a seed, and runs with the same seed."""
+    """Raise an InputError if a run has no seed, or if two runs have the same seed."""
     seeds = [run.get("seed") for run in runs]
     # Compare seeds as strings, because a damaged seed may be of any type.
     has_repeated_seed = len(set(map(str, seeds))) < len(seeds)
@@ -401,7 +421,7 @@ def _check_seeds(runs: Sequence[Mapping[str, Any]], path: object) -> None:
 def _check_response(
     run: Mapping[str, Any], run_key: str, target: Target, path: object
 ) -> None:
-    """Refuse a good run whose response is missing or impossible.
+    """Raise an InputError if the response of a good run is missing or impossible.
 
     Parameters
     ----------
@@ -488,16 +508,19 @@ def _tabulate_runs(
     Returns
     -------
     pandas.DataFrame
-        A row for each run. With several bench tests, the column `apparatus` names that
-        of the run.
+        A row for each run. If there are several bench tests, the column `apparatus`
+        names the one that made the run.
     """
     columns = ["sample"]
     if len(targets.apparatus) > 1:
         columns.append("apparatus")
     columns += [*RUN_COLUMNS, *targets.names]
+    # `single` are the columns that the table of single runs has of a bench test.
     for bench_test in targets.apparatus:
         columns += list_recorded_columns(bench_test, targets).single
 
+    # A row may have more entries than the table has columns, such as `apparatus` with a
+    # single bench test. `columns` selects the ones that are kept.
     rows = []
     for sample, bench_test in product(samples, targets.apparatus):
         for run in jobs[bench_test][sample]["runs"]:

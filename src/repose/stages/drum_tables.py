@@ -63,12 +63,13 @@ def run_job(
     seeds : iterable of int
         Seeds of the runs.
     out_dir : path
-        The folder to write, called OUT above.
+        The folder for these files, called OUT above.
 
     Returns
     -------
     list of dict
-        The content of each JSON file, with its run measured.
+        The content of each JSON file, in which the measured run replaces its raw
+        record.
     """
     out = Path(out_dir)
     test = DrumTest()
@@ -76,14 +77,16 @@ def run_job(
     for seed in seeds:
         name = f"drum_{seed}"
         start_s = time.perf_counter()
+        # An interval of 0 keeps every frame that the drum records.
         run = test.run(scene.with_seed(seed), interval_s=0.0)
-        wall_s = round(time.perf_counter() - start_s, 3)
+        elapsed_s = round(time.perf_counter() - start_s, 3)
 
         # The JSON file has the raw record. The measurement is returned but not saved,
         # because it depends on definitions that may change.
         job = describe_job(test, scene, seed)
         description = {key: job[key] for key in ("parameters", "time_step_s")}
-        write_timings(out, name, {str(seed): wall_s})
+        write_timings(out, name, {str(seed): elapsed_s})
+        # Write the JSON file last: it marks a complete run.
         write_npz(out / f"{name}.npz", run.frames or {})
         write_json(out / f"{name}.json", description | {"run": run.record})
 
@@ -106,13 +109,14 @@ def write_tables(
     Parameters
     ----------
     json_paths : sequence of path
-        Files of `run_job`.
+        The JSON files that `run_job` has written. The frames of a run are in the file
+        next to it with the same name and the suffix .npz.
     config : mapping
         The whole configuration.
     particle : Particle
         The shape of the grains.
     out_dir : path
-        Folder to write.
+        Folder for the tables and median.npz.
 
     Returns
     -------
@@ -124,8 +128,8 @@ def write_tables(
     InputError
         If a file is missing or was not written by `run_job`, or if a seed is repeated.
     """
-    # Only a simulation needs contacts and material, so the measurement can do without
-    # their parameters.
+    # A scene usually has contact parameters and the material of the grain. Only a
+    # simulation uses them, so they may be empty for a measurement.
     scene = Scene.of(config, parameters={}, grain={}, particle=particle)
     runs: list[MeasuredRun] = []
     path_of_seed: dict[int, Path] = {}

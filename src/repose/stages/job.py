@@ -58,17 +58,27 @@ def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
 
 
 def describe_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any]:
-    """Make the description of a job with which each of its files begins.
+    """Describe a job: its sample, parameters, time step and bench test.
 
-    If the name consists of digits, it is the number of a sample.
+    Each JSON file of the job begins with this description.
+
+    Parameters
+    ----------
+    test : BenchTest
+        The bench test.
+    scene : Scene
+        The scene, which has the parameters and the time step.
+    name : object
+        Name of the job. If it consists of digits, it is the number of a sample.
 
     Returns
     -------
     dict
-        The sample, its parameters, the time step and, as ``apparatus``, the bench test.
-        The funnel is the default and is left out.
+        ``sample``, ``parameters``, ``time_step_s`` and ``apparatus``, the name of the
+        bench test. The funnel is the default bench test, so its name is left out.
     """
     description: dict[str, Any] = {}
+    # `UNNAMED` is the name of the funnel.
     if test.name != UNNAMED:
         description["apparatus"] = test.name
     description["sample"] = int(str(name)) if str(name).isdigit() else name
@@ -103,7 +113,7 @@ def run_job(
     seeds : iterable of int
         Seeds of the runs.
     out_dir : path
-        Folder to write.
+        Folder for the files of the job.
     interval_s : float, optional
         Simulated time between the frames that are written; by default none are.
     progress : callable, optional
@@ -182,9 +192,9 @@ def measure_job(
     scene : Scene
         The scene of the runs.
     pours_json : path
-        The saved job.
+        NAME.pours.json of the saved job, where NAME is the name of the job.
     out_dir : path, optional
-        Folder to write. The default is the folder of the job.
+        Folder for NAME.json. The default is the folder of the job.
     keep_runs : bool, optional
         Whether to keep the result in the folder `runs`, and to read it from there as
         long as it is valid, instead of measuring again (`kept_runs`).
@@ -206,12 +216,14 @@ def measure_job(
 
 
 def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
-    """Measure all runs of a saved job.
+    """Measure all runs of a saved job, without writing files.
+
+    A job is all runs of one parameter set in a bench test, each with another seed.
 
     Parameters
     ----------
     scene : Scene
-        The scene, whose settings define the responses.
+        The grains, walls and settings of the study. The settings define the responses.
     path : Path
         NAME.pours.json of the job. NAME.npz is in the same folder.
 
@@ -223,12 +235,13 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If a run has a status that its bench test does not know, or if an array is
+        If a run has a status that is not one of its bench test's, or if an array is
         missing.
     """
     job = read_pours(path)
     test = bench_of(job, path)
-    # The measured runs replace the records of the runs in the result.
+    # Take the records of the runs out of the job. Below, the measured runs replace
+    # them, and the rest of the job is its description.
     records = job.pop("pours")
     for record in records:
         status = record["status"]
@@ -247,7 +260,8 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
         )
         measured_runs.append(test.result(record, arrays, scene))
 
-    # Summarise the responses of the targets first, then those always recorded.
+    # The columns of the summary begin with the responses of the targets. The other
+    # responses that the bench test always records follow.
     targets = test.target_responses(scene.settings.config)
     recorded = test.recorded.put_targets_first(tuple(target.name for target in targets))
     summary = summarise_runs(measured_runs, recorded)

@@ -51,14 +51,14 @@ class KeptRuns:
         self.description = description
 
     def read(self, seed: int) -> Run | None:
-        """Read the kept run of a seed.
+        """Read the run of a seed, if it was kept and is still valid.
 
         Returns
         -------
         Run or None
-            None if the run must be made. This is the case if it has no file, if the
-            file is damaged or was made by another program, or if parameters, settings
-            or the engine have changed since then.
+            None if the caller must make the run. This is the case if it has no file, if
+            the file is damaged or was made by another program, or if parameters,
+            settings or the engine have changed since then.
         """
         path = self._path(seed)
         if not _is_current(path):
@@ -67,6 +67,8 @@ class KeptRuns:
             arrays = read_npz(path, (DESCRIPTION_ARRAY,))
         except InputError:
             return None
+        # `write` has stored the list [description, record] as text in one of the
+        # arrays. The other arrays are those of the run.
         description, record = json.loads(str(arrays.pop(DESCRIPTION_ARRAY)))
         if description != self.description:
             return None
@@ -105,9 +107,12 @@ def read_measurement(pours_json: Path) -> dict[str, Any] | None:
         settings, files or code have changed since then.
     """
     path = _find_measurement_file(pours_json)
+    # This is also False if there is no file.
     if not is_own_file(path):
         return None
-    # The record of the file names the settings with which the job was measured.
+    # Each file has a record of the stage and the settings with which it was made.
+    # Compare it with the record that files of the current stage get. The file has the
+    # keys of `write_measurement`, because no other function writes it.
     if attached.read_record(path) != provenance.get_current_record():
         return None
     content = read_json(path)

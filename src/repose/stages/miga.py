@@ -30,7 +30,10 @@ def find_solutions(
     support: Support | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Find parameter sets that meet the targets; write them with their intervals.
+    """Find parameter sets that meet the targets, and write them with their intervals.
+
+    The search uses the surrogate, a function that predicts the responses of a parameter
+    set. It is called an inversion, because it goes from responses to parameters.
 
     Parameters
     ----------
@@ -78,14 +81,18 @@ def find_solutions(
 
     intervals = inversion.intervals
     if published is not None:
+        # The intervals of the search have the names of the parameters in the column
+        # `variable`, the published ones in the column `parameter`.
         published_intervals = published.set_index("parameter")[list(INTERVAL_COLUMNS)]
         intervals = intervals.join(
             published_intervals.add_prefix("published_"), on="variable"
         )
 
+    # The answer is the representative solution. If the surrogate knows the errors of
+    # its predictions, assess the answer by the distribution of these errors, too, and
+    # list the parameters that lie near a bound of their range.
     summary = inversion.summary
     answer = summary["representative"]
-    # A surrogate that knows its errors also judges the answer by their distribution.
     if surrogate.knows_its_errors:
         summary["representative_judged"] = expected_loss.assess_by_errors(
             surrogate, answer, targets=targets, names=parameters.names

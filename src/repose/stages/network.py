@@ -14,14 +14,14 @@ from repose.stages.parameter_sets import list_parameters
 from repose.stages.tables import read_dataset, read_runs
 
 
-def write_surrogate(  # noqa: PLR0913  (each is part of the study)
+def write_surrogate(  # noqa: PLR0913  (tables, and what the study says about them)
     dataset_csv: StrPath,
     runs_csv: StrPath,
     out_dir: StrPath,
     *,
     targets: Targets,
     definitions: Definitions,
-    surrogate: str,
+    surrogate_kind: str,
     settings: NetworkSettings,
     parameter_names: Sequence[str] | None = None,
     scale: Mapping[str, str] | None = None,
@@ -29,25 +29,32 @@ def write_surrogate(  # noqa: PLR0913  (each is part of the study)
 ) -> dict[str, Any]:
     """Train a surrogate of the simulator, and write it with its predictions.
 
+    A surrogate is a function that predicts the responses of a parameter set. The tables
+    are checked before the training.
+
     Parameters
     ----------
     dataset_csv, runs_csv : path
         Table of samples, and table of their single runs.
     out_dir : path
-        Folder for network.json, metrics.json, predictions.csv and starts.csv.
+        Folder for network.json (the surrogate), metrics.json (how well it fits),
+        predictions.csv (its predictions for the samples) and starts.csv (the result of
+        each random start of the training).
     targets : Targets
         The responses to learn.
     definitions : mapping
-        How the configuration defines these responses.
-    surrogate : str
-        Kind of the surrogate.
+        How the configuration defines these responses. If it is empty, the surrogate
+        stores the definitions of the table instead.
+    surrogate_kind : str
+        Name of the kind of surrogate.
     settings : NetworkSettings
         The section `network`.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
     scale : mapping, optional
-        Name of the scale of each parameter that is not linear, by name.
+        Scale of each parameter whose scale is not linear: the name of the scale, by
+        name of the parameter.
     source : object, optional
         File of the configuration, for error messages.
 
@@ -74,8 +81,9 @@ def write_surrogate(  # noqa: PLR0913  (each is part of the study)
         settings=settings,
         names=list_parameters(dataset, parameter_names),
         definitions=definitions or dataset_definitions,
+        # Errors of the training concern the samples, so they name this table.
         source=dataset_csv,
-        surrogate=surrogate,
+        surrogate=surrogate_kind,
         scale=scale,
     )
     out = Path(out_dir)

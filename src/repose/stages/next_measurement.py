@@ -53,12 +53,14 @@ LARGEST_CORRELATION = 1 - 1e-12
 
 
 def draw_plausible_sets(draws_csv: StrPath, seed: int, out: StrPath) -> pd.DataFrame:
-    """Choose `N_PLAUSIBLE_SETS` draws of the posterior at random, and write a table.
+    """Choose `N_PLAUSIBLE_SETS` parameter sets of a posterior, and write a table.
+
+    The sets are chosen at random, and numbered from 1 as samples to simulate.
 
     Parameters
     ----------
     draws_csv : path
-        Draws of the posterior.
+        Table of parameter sets that were drawn from the posterior.
     seed : int
         Seed of the random choice.
     out : path
@@ -67,7 +69,7 @@ def draw_plausible_sets(draws_csv: StrPath, seed: int, out: StrPath) -> pd.DataF
     Returns
     -------
     pandas.DataFrame
-        The table: `sample` and the parameters.
+        The table that was written: `sample` and the parameters.
 
     Raises
     ------
@@ -86,6 +88,7 @@ def draw_plausible_sets(draws_csv: StrPath, seed: int, out: StrPath) -> pd.DataF
     rows = np.sort(generator.choice(len(draws), N_PLAUSIBLE_SETS, replace=False))
     samples = draws.loc[rows, list(parameters_among(draws))].reset_index(drop=True)
     samples.insert(0, "sample", range(1, N_PLAUSIBLE_SETS + 1))
+    # Ten digits are far more than the posterior has, and keep the table readable.
     write_table(out, samples, float_format="%.10g")
     return samples
 
@@ -95,13 +98,14 @@ def rank_responses(
 ) -> pd.DataFrame:
     """Compute how much information the measurement of each response would add.
 
-    A response is left out if fewer than `MIN_SETS` sets have two runs of it, or if
-    it never varies.
+    A response is left out if fewer than `MIN_SETS` parameter sets have two runs of it,
+    or if it never varies.
 
     Parameters
     ----------
     runs : pandas.DataFrame
-        A row for each run and response: `apparatus`, `response`, `sample`, `value`.
+        A row for each run and response: `apparatus` (the bench test), `response`,
+        `sample` (the parameter set) and `value`.
     repetitions : int
         Number of repetitions of the measurement.
     discrepancy_percent : float
@@ -129,12 +133,13 @@ def rank_responses(
         # simulator.
         discrepancy = discrepancy_percent / 100 * variances.mean
         error_variance = variances.within / repetitions + discrepancy**2
-        # Skip a response that never varies, because its scatter of 0 would be a
-        # divisor.
+        # If a response never varies, its error variance is 0, and the information
+        # would be divided by zero. The comparison also skips a variance of NaN.
         if not error_variance > 0:
             continue
-        # The ends of the interval of the intraclass correlation give those of the
-        # information.
+        # The information grows with the intraclass correlation. The ends of the
+        # confidence interval of the correlation therefore give the ends of the interval
+        # of the information.
         bits, bits_low, bits_high = _compute_information(
             np.array([variances.icc, variances.icc_low, variances.icc_high]),
             run_variance=variances.within,
@@ -151,11 +156,14 @@ def rank_responses(
                 "bits": bits,
                 "bits_low": bits_low,
                 "bits_high": bits_high,
+                # `groups` and `values` are the numbers of parameter sets and of runs.
                 "sets": variances.groups,
                 "runs": variances.values,
             }
         )
     if not rows:
+        # The rows have no file of their own, so the name of the subcommand takes its
+        # place.
         raise InputError(
             "next",
             key="runs",
@@ -186,8 +194,8 @@ def _compute_information(
     ndarray
         The information (n,) in bits, for each correlation.
     """
-    shares = correlations.clip(0, LARGEST_CORRELATION)
-    between_variances = run_variance * shares / (1 - shares)
+    fractions = correlations.clip(0, LARGEST_CORRELATION)
+    between_variances = run_variance * fractions / (1 - fractions)
     # This is the information about a normal variable that is measured with a normal
     # error.
     return 0.5 * np.log2(1 + between_variances / error_variance)
@@ -209,28 +217,31 @@ def list_all_responses() -> list[dict[str, str]]:
 
 
 def write_ranking(
-    pours: Iterable[StrPath],
+    job_paths: Iterable[StrPath],
     scene: Scene,
     out_dir: StrPath,
     *,
     targets: Targets,
     discrepancy_percent: float,
 ) -> pd.DataFrame:
-    """Rank further responses of saved runs by the information that each would add.
+    """Rank further responses by the information that measuring each of them would add.
 
-    The runs are measured again, and the ranking is written as next.csv.
+    The saved runs are measured again, with all responses of their bench tests. The
+    ranking is written as next.csv.
 
     Parameters
     ----------
-    pours : iterable of path
-        Saved runs of plausible parameter sets, in any bench tests.
+    job_paths : iterable of path
+        Files NAME.pours.json of the saved jobs. A job has the runs of one plausible
+        parameter set in one bench test.
     scene : Scene
-        The scene of the study, whose targets are `list_all_responses`.
+        The scene of the study. The caller must have replaced its targets by
+        `list_all_responses`, since only responses of targets are measured.
     out_dir : path
         Folder for the measured runs and for next.csv.
     targets : Targets
-        The present targets. They are not ranked, nor are other definitions of their
-        angle.
+        The present targets of the study. Their responses are not ranked. If the angle
+        of repose is a target, none of its definitions is ranked.
     discrepancy_percent : float
         Discrepancy of the simulator, in percent of the mean of a response.
 
@@ -239,9 +250,9 @@ def write_ranking(
     pandas.DataFrame
         The content of next.csv.
     """
-    runs = _measure_responses(pours, scene, Path(out_dir))
+    runs = _measure_responses(job_paths, scene, Path(out_dir))
     # Leave out what is already measured. A measurement of a pile gives its angle by
-    # every definition.
+    # every definition. The values of `MEAN_KEYS` are the names of these responses.
     known_responses = set(targets.names)
     if CALIBRATED_ANGLE in known_responses:
         known_responses.update(MEAN_KEYS.values())
@@ -255,14 +266,16 @@ def write_ranking(
 
 
 def _measure_responses(
-    pours: Iterable[StrPath], scene: Scene, out: Path
+    job_paths: Iterable[StrPath], scene: Scene, out: Path
 ) -> pd.DataFrame:
-    """Measure all responses of saved runs, and write the measured jobs.
+    """Measure all responses of the runs in saved jobs, and write the measured jobs.
 
     Parameters
     ----------
-    pours : iterable of path
-        Saved jobs. Each job is written into a folder with the name of its own folder.
+    job_paths : iterable of path
+        Files NAME.pours.json of the saved jobs. The measured job is written into a
+        folder of `out` that has the name of the job's own folder. Jobs of the same name
+        must therefore come from folders of different names.
     scene : Scene
         The scene, whose targets are `list_all_responses`.
     out : Path
@@ -275,16 +288,17 @@ def _measure_responses(
         `response` and `value`.
     """
     rows = []
-    for path in map(Path, pours):
+    for path in map(Path, job_paths):
         job = measure_job(scene, path, out / path.parent.name)
-        test = bench_of(job, path)
+        bench_test = bench_of(job, path)
         for run in job["runs"]:
-            for response in list_responses(test.name):
+            for response in list_responses(bench_test.name):
                 rows.append(
                     {
-                        "apparatus": test.name,
+                        "apparatus": bench_test.name,
                         "sample": job["sample"],
                         "response": response.name,
+                        # The value is None if the run could not be measured.
                         "value": response.of(run),
                     }
                 )
@@ -292,7 +306,7 @@ def _measure_responses(
 
 
 def format_ranking(table: pd.DataFrame) -> str:
-    """Write the ranking of `write_ranking` in lines for the terminal."""
+    """Format the result of `write_ranking` as lines for the terminal."""
     lines = ["Information that one more response would add, in bits:"]
     for row in table.itertuples():
         lines.append(

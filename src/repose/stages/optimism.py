@@ -74,10 +74,13 @@ def write_optimism(
     parameters: ParameterSpace,
     targets: Targets,
     settings: MigaSettings,
-    solutions: int,
+    n_solutions: int,
     parameter_names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Estimate how optimistic the predictions of a search are, and write the result.
+
+    A search chooses parameter sets whose predictions are favourable. The predictions of
+    these sets are therefore too favourable on average. Their bias is called optimism.
 
     Parameters
     ----------
@@ -93,8 +96,9 @@ def write_optimism(
         The targets of the study.
     settings : MigaSettings
         The section `miga`.
-    solutions : int
-        Number of sets besides the representative that are simulated again.
+    n_solutions : int
+        Number of parameter sets that are simulated again besides the representative
+        one, which is the answer. The optimism of all these sets is estimated.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -108,7 +112,8 @@ def write_optimism(
     surrogate = load(surrogate_json, targets.names)
     dataset = read_dataset(dataset_csv, targets, parameter_names)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
-    # If no sample has two runs, the noise is unknown, and `pours` is None.
+    # Collect the runs to which the surrogate was fitted. If no sample has two runs,
+    # their scatter is unknown, and `pours` is None.
     pours = Pours.collect(surrogate, dataset, runs, targets)
     if pours is None or settings.replicates == 0:
         table = pd.DataFrame(columns=list(OPTIMISM_COLUMNS))
@@ -117,7 +122,8 @@ def write_optimism(
             parameters,
             targets,
             settings,
-            count=solutions,
+            count=n_solutions,
+            # The region that the samples cover, which limits the search.
             support=Support.from_dataset(dataset_csv, parameters),
         )
         table = estimate_optimism(

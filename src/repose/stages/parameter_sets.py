@@ -86,9 +86,9 @@ def _describe_columns(parameter_names: Sequence[str] | None) -> tuple[Column, ..
 
 
 def list_job_files(
-    arguments: Iterable[str], samples_csv: str | os.PathLike, ending: str = ".json"
+    arguments: Iterable[str], samples_csv: str | os.PathLike, suffix: str = ".json"
 ) -> list[Path]:
-    """List the files of jobs that the arguments of a command line name.
+    """List the files of jobs from the paths in the arguments of a command line.
 
     Parameters
     ----------
@@ -96,8 +96,8 @@ def list_job_files(
         Paths of files and folders. A folder stands for the files of all samples in it.
     samples_csv : path
         The table of samples. It is read only if one of the paths is a folder.
-    ending : str, optional
-        Ending of the files in a folder.
+    suffix : str, optional
+        End of the name of each file in a folder, after the number of the sample.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def list_job_files(
     names: list[str] = []
     if any(path.is_dir() for path in paths):
         samples = tables.read(samples_csv, [SAMPLE_COLUMN]).values["sample"]
-        names = [f"{sample:03d}{ending}" for sample in samples]
+        names = [f"{sample:03d}{suffix}" for sample in samples]
 
     files = []
     for path in paths:
@@ -124,7 +124,10 @@ def list_job_files(
 def read_sample(
     path: str | os.PathLike, number: int, parameter_names: Sequence[str] | None = None
 ) -> dict[str, float]:
-    """Read the parameters of a sample from a table, without rounding.
+    """Read the parameters of a sample from a table.
+
+    The numbers are those of the file, without rounding, so that equal samples give
+    equal runs.
 
     Parameters
     ----------
@@ -147,7 +150,7 @@ def read_sample(
         If there is no such sample, or a value is beyond the limits of the contact law.
     """
     # This program checked its own tables when it wrote them, so only check other
-    # tables.
+    # tables. The result is None for a table that another program wrote or changed.
     columns = _read_unchanged_table(path)
     if columns is None:
         table = tables.read(path, (SAMPLE_COLUMN, *_describe_columns(parameter_names)))

@@ -145,25 +145,27 @@ def list_sets_to_simulate(
     Returns
     -------
     list of str
-        The names. The list is empty without a table, or if the table has none of the
-        responses or lacks a parameter of the study.
+        The names. The list is empty in three cases: there is no table, the table lacks
+        a parameter of the study, or it has none of the responses.
     """
     rows = []
     for table in list_tables(path):
         rows += read_text_rows(table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS))
     if not rows:
         return []
+    # The first row belongs to the table of published solutions. Its columns decide, not
+    # those of the table with sets from other works.
     columns = rows[0].keys()
     # A set that lacks a parameter of the study cannot be simulated. If the table has no
     # response of the targets, the simulation cannot be compared with anything.
     has_parameters = set(parameter_names) <= columns
     if not has_parameters or not find_published_responses(columns, responses):
         return []
-    return [row["solution"] for row in rows]
+    return [row[SOLUTION_COLUMN.name] for row in rows]
 
 
 def check_published_sets(path: StrPath | None) -> None:
-    """Refuse a table of published solutions that cannot be simulated or compared.
+    """Raise an InputError if published sets cannot be simulated or compared.
 
     Nothing is checked if `path` is None.
     """
@@ -199,7 +201,10 @@ def find_response_columns(
     targets: Targets,
     definition: str,
 ) -> dict[Response, str]:
-    """Find the columns of a study's responses in a table of simulated published sets.
+    """Find the column of each response of a study in the table of published sets.
+
+    The table is that of `read_stored`: published parameter sets as repose simulated
+    them.
 
     Parameters
     ----------
@@ -210,20 +215,22 @@ def find_response_columns(
     targets : Targets
         The targets of the study.
     definition : str
-        Definition of the angle of repose in the study (`measure.response`).
+        Definition of the angle of repose that the study calibrates, the value of
+        `measure.response`.
 
     Returns
     -------
     dict
         The column of each response that the table has. The dict is empty if the table
-        lacks a parameter.
+        lacks a parameter of the study, because its sets are then no sets of the study.
     """
     table_columns = set(columns)
     if not set(parameter_names) <= table_columns:
         return {}
     column_of_response = {}
     for response in targets.responses:
-        # The angle of repose has a column for each of its definitions.
+        # The table has a column for each definition of the angle of repose, and none
+        # for its general name. `MEAN_KEYS` has the columns by definition.
         column = response.name
         if column == CALIBRATED_ANGLE:
             column = MEAN_KEYS[definition]

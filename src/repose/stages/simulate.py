@@ -1,10 +1,11 @@
-"""Run the user's own program: write its deck, call it, and keep its files.
+"""Run the user's own program: write its input script, call it, and keep its files.
 
-Each run has a folder SAMPLE/RUN with its deck, its parameters, what the program printed
-(`PRINTED_FILE`) and the files that are read or kept. SAMPLE/RUN.json is the record of
-the run, and is written last. A run that fails is also a result, with a status and a
-reason. The ledger of SAMPLE lists the output files of a good run, so that later changes
-to them are noticed.
+Each run has a folder SAMPLE/RUN with its input script (which the documentation calls
+deck), its parameters, what the program printed (`PRINTED_FILE`) and the files that are
+read or kept. SAMPLE/RUN.json is the record of the run, and is written last. A run that
+fails is also a result, with a status and a reason. The folder SAMPLE has a hidden list
+of its files with their hashes, the ledger. It lists the output files of a good run, so
+that later changes to them are noticed.
 """
 
 import json
@@ -54,7 +55,7 @@ EXPECTED_FILE = "an existing file"
 MAX_REASON_LENGTH = 200
 
 
-class Ending(NamedTuple):
+class Outcome(NamedTuple):
     """How a run ended; the reason is empty for ``ok``."""
 
     status: str
@@ -65,13 +66,13 @@ class Ending(NamedTuple):
 
 
 def _make_environment() -> Environment:
-    """Make the environment of Jinja2 for the templates of decks.
+    """Make the Jinja2 environment for the templates of input scripts.
 
     A name without a value is an error. The sandbox refuses a loop that would never end.
     A template cannot load another file, because a run is only made again if its own
     template has changed.
     """
-    # Do not escape special characters, because a deck is not HTML.
+    # Do not escape special characters, because an input script is not HTML.
     environment = SandboxedEnvironment(
         undefined=StrictUndefined, keep_trailing_newline=True, loader=DictLoader({})
     )
@@ -88,7 +89,7 @@ def find_prime(seed: int) -> int:
 
 
 def fill_template(text: str, values: Mapping[str, Any], source: object) -> str:
-    """Fill a template of Jinja2.
+    """Fill a Jinja2 template.
 
     Parameters
     ----------
@@ -125,8 +126,8 @@ def _find_template_line(error: Exception) -> int:
     return lines[-1] or 1 if lines else 1
 
 
-def find_template_names(text: str, source: object) -> set[str]:
-    """Find the names that a template uses and does not define.
+def find_undefined_names(text: str, source: object) -> set[str]:
+    """Find the names that a Jinja2 template uses and does not define itself.
 
     Parameters
     ----------
@@ -135,10 +136,16 @@ def find_template_names(text: str, source: object) -> set[str]:
     source : object
         Its file, for messages.
 
+    Returns
+    -------
+    set of str
+        The names, such as those of parameters, for which values must be given.
+
     Raises
     ------
     InputError
-        If the text is not a template, or if it includes another file.
+        If the text is not a template, or if it includes another file. The error names
+        the first of these files.
     """
     try:
         template = _make_environment().parse(text)
@@ -159,7 +166,7 @@ def find_template_names(text: str, source: object) -> set[str]:
 
 
 def read_template(path: StrPath) -> str:
-    """Read the template of a deck.
+    """Read the template of an input script.
 
     Raises
     ------
@@ -175,7 +182,10 @@ def read_template(path: StrPath) -> str:
 
 
 def deck_name(template: StrPath) -> str:
-    """Return the name of a deck: that of its template without an ending like `.j2`."""
+    """Return the name of an input script, that of its template without `.j2`.
+
+    All `TEMPLATE_ENDINGS` are removed.
+    """
     path = Path(template)
     return path.stem if path.suffix in TEMPLATE_ENDINGS else path.name
 
@@ -215,22 +225,22 @@ def check_simulator(
     source : str
         File of the configuration, for the messages.
     fixed_names : collection of str, optional
-        Names of the parameters with a single value. A deck may state their numbers
-        directly and not use the names.
+        Names of the parameters with a single value. An input script may state their
+        numbers directly and not use the names.
 
     Raises
     ------
     InputError
-        With all faults.
+        With all problems that were found.
     """
     raise_together(
-        _find_faults(
+        _find_problems(
             settings, parameters, targets, source=source, fixed_names=fixed_names
         )
     )
 
 
-def _find_faults(
+def _find_problems(
     settings: SimulatorSettings,
     parameters: Mapping[str, float],
     targets: Sequence[str],
@@ -238,18 +248,33 @@ def _find_faults(
     source: str,
     fixed_names: Collection[str],
 ) -> Iterator[InputError]:
-    """Find the faults that `check_simulator` raises.
+    """Find all problems with the files and names of a simulator.
 
-    The parameters are those of `check_simulator`.
+    The problems are yielded one after the other, for `check_simulator` to raise them
+    together.
+
+    Parameters
+    ----------
+    settings : SimulatorSettings
+        The section `simulator`.
+    parameters : mapping
+        A value for each name, with which template and command are filled as a test.
+    targets : sequence of str
+        Names of the targets in the study.
+    source : str
+        File of the configuration, for the messages.
+    fixed_names : collection of str
+        Names of the parameters with a single value, which need not be used.
 
     Yields
     ------
     YamlError or InputError
-        A fault of the configuration, or of a template.
+        YamlError for a value of the configuration, and InputError for a template.
     """
     if find_program(settings.command) is None:
         yield YamlError(
             source,
+            # The program is the first part of the command.
             key="simulator.command.0",
             value=settings.command[0],
             allowed=EXPECTED_PROGRAM,
@@ -264,9 +289,11 @@ def _find_faults(
     yield from _find_equal_file_names(settings, source)
 
     yield from _find_reserved_names(parameters, source)
-    # A missing template was reported above, and cannot be read.
+    # A missing template was reported above, and cannot be read. Without a template,
+    # `settings.template` is None, which is not among the missing files, and only the
+    # command is checked.
     if settings.template not in missing_files:
-        yield from _find_unknown_names(settings, parameters, source)
+        yield from _check_names_and_expressions(settings, parameters, source)
         # Without a template the program reads all parameters from a file.
         if settings.template is not None:
             yield from _find_unused_parameters(
@@ -343,7 +370,7 @@ def _find_equal_file_names(
             )
 
 
-def _find_unknown_names(
+def _check_names_and_expressions(
     settings: SimulatorSettings, parameters: Mapping[str, float], source: str
 ) -> Iterator[InputError]:
     """Find unknown names in template and command, and expressions that fail.
@@ -353,14 +380,19 @@ def _find_unknown_names(
     settings : SimulatorSettings
         The section `simulator`.
     parameters : mapping
-        A value for each parameter. To test them, template and command are filled with
-        these values.
+        A value for each parameter. Template and command are filled with these values to
+        test their expressions.
     source : str
         File of the configuration, for the messages.
+
+    Yields
+    ------
+    InputError
+        One for each unknown name, or for an expression that fails.
     """
     known_names = (*parameters, *RUN_VARIABLES)
     for place, text in _read_templates(settings, source).items():
-        names = find_template_names(text, place)
+        names = find_undefined_names(text, place)
         unknown_names = sorted(names.difference(known_names))
         for name in unknown_names:
             yield InputError(
@@ -410,7 +442,7 @@ def find_used_names(settings: SimulatorSettings) -> set[str]:
     """Find the names that the template and the command of a simulator use."""
     texts = _read_templates(settings, "configuration")
     return set().union(
-        *(find_template_names(text, place) for place, text in texts.items())
+        *(find_undefined_names(text, place) for place, text in texts.items())
     )
 
 
@@ -425,7 +457,7 @@ def _read_templates(settings: SimulatorSettings, source: str) -> dict[str, str]:
 def _try_to_fill(
     text: str, parameters: Mapping[str, float], place: str
 ) -> Iterator[InputError]:
-    """Fill a template as a test, and yield the fault if this fails.
+    """Fill a template as a test, and yield the error if this fails.
 
     `place` states where the text is, for the message. All numbers of the run are 1.
     """
@@ -517,18 +549,22 @@ def run_once(
     out = Path(out_dir)
     inputs = _collect_inputs(settings, values)
     run_folder = out / str(run)
-    # A failed run is not kept, because the user may have repaired the cause.
-    ending = _find_finished_run(run_folder, inputs, settings)
-    if ending is None:
-        ending = _run_in_folder(settings, inputs, run_folder)
+    # Use a finished good run again. A failed run is always made again, because the user
+    # may have repaired the cause.
+    outcome = _find_finished_run(run_folder, inputs, settings)
+    if outcome is None:
+        outcome = _run_in_folder(settings, inputs, run_folder)
     record = {
+        # The key `apparatus` names the bench test. `OWN_BENCH` stands for the user's
+        # own program.
         "apparatus": OWN_BENCH,
         "sample": sample,
         "run": run,
         "seed": seed,
         "parameters": dict(parameters),
         "command": inputs["command"],
-        **ending._asdict(),
+        # The keys `status` and `reason`.
+        **outcome._asdict(),
     }
     write_json(out / f"{run}.json", record)
     return record
@@ -549,9 +585,10 @@ def _collect_inputs(
     Returns
     -------
     dict
-        The filled command and deck, the path of the program, the values, the hash of
-        each file by its name, and the names of the files that are read or kept. The run
-        is made again if one of these changes.
+        The filled command and input script, the path of the program, the values, the
+        hash of each file by its name in the folder of the run, and the names of the
+        files that are read or kept. A finished run is used again only if the whole dict
+        is the same, so an entry that is added here causes new runs.
 
     Raises
     ------
@@ -570,7 +607,8 @@ def _collect_inputs(
     if settings.template is not None:
         text = read_template(settings.template)
         deck = fill_template(text, values, settings.template)
-    # Use hashes, because two files are the same if their contents are the same.
+    # Compare files by their contents, not by their paths or times. `check_simulator`
+    # has made sure that their names differ.
     hashes = {}
     for name in settings.files:
         if not Path(name).is_file():
@@ -590,8 +628,8 @@ def _collect_inputs(
 
 def _find_finished_run(
     folder: Path, inputs: Mapping[str, Any], settings: SimulatorSettings
-) -> Ending | None:
-    """Return the ending of a finished good run with the same inputs.
+) -> Outcome | None:
+    """Return the outcome of a finished good run with the same inputs.
 
     Parameters
     ----------
@@ -604,7 +642,7 @@ def _find_finished_run(
 
     Returns
     -------
-    Ending or None
+    Outcome or None
         None if the run must be made.
     """
     try:
@@ -612,12 +650,12 @@ def _find_finished_run(
     except (OSError, ValueError):
         return None
     is_same = stored_hash == _hash_inputs(inputs)
-    is_whole = not any(find_file_fault(folder, name) for name in settings.files_read)
-    return Ending(OK) if is_same and is_whole else None
+    is_whole = not any(make_file_error(folder, name) for name in settings.files_read)
+    return Outcome(OK) if is_same and is_whole else None
 
 
-def find_file_fault(folder: Path, name: str) -> InputError | None:
-    """Find what is wrong with a file that a good run left.
+def make_file_error(folder: Path, name: str) -> InputError | None:
+    """Make an error if a file of a good run was lost or changed after the run.
 
     Parameters
     ----------
@@ -629,8 +667,8 @@ def find_file_fault(folder: Path, name: str) -> InputError | None:
     Returns
     -------
     InputError or None
-        The fault. Its message states what to remove so that the run is made again. None
-        if the file is as the run left it.
+        The error, which the caller may raise. Its message states what to remove so that
+        the run is made again. None if the file is as the run left it.
     """
     path = folder / name
     if not path.is_file():
@@ -662,7 +700,7 @@ def _run_in_folder(
     settings: SimulatorSettings,
     inputs: Mapping[str, Any],
     folder: Path,
-) -> Ending:
+) -> Outcome:
     """Run the program in a temporary folder, and rename this folder at the end.
 
     A folder with the final name is therefore always complete. If there is one already,
@@ -679,7 +717,7 @@ def _run_in_folder(
 
     Returns
     -------
-    Ending
+    Outcome
         How the run ended.
     """
     work_folder = folder.with_name(f"{folder.name}.part")
@@ -689,31 +727,34 @@ def _run_in_folder(
     _write_inputs(settings, inputs, work_folder)
     # The first part of the command is the program, which is called by its path.
     command = [inputs["program"], *inputs["command"][1:]]
-    ending = _call_program(command, work_folder, settings)
-    # The program may have removed its own folder. The run then has no files.
+    outcome = _call_program(command, work_folder, settings)
+    # The program may have removed its own folder. Make it again, but empty.
     work_folder.mkdir(exist_ok=True)
-    if ending.status == OK:
-        ending = _check_outputs(settings, work_folder)
+    if outcome.status == OK:
+        outcome = _check_outputs(settings, work_folder)
 
     _remove_unlisted_files(work_folder, settings)
-    if ending.status == OK:
+    if outcome.status == OK:
         # With the hash of its inputs, a later call can use this run again. A failed run
         # gets no hash, because the user may repair the cause.
         input_hash = json.dumps(_hash_inputs(inputs))
         (work_folder / INPUT_HASH_FILE).write_text(input_hash, encoding="utf-8")
-        # The ledger later shows whether a file that is read has changed since the run.
+        # The ledger is a list of files with their hashes. It later shows whether a file
+        # that is read has changed since the run. List each file under the name that it
+        # gets below, when the folder is renamed.
         for name in settings.files_read:
             final_name = f"{folder.name}/{name}"
             ledger.list_file_below(folder.parent, final_name, source=work_folder / name)
+    # A folder can only be renamed if there is none with the new name.
     shutil.rmtree(folder, ignore_errors=True)
     os.replace(work_folder, folder)
-    return ending
+    return outcome
 
 
 def _write_inputs(
     settings: SimulatorSettings, inputs: Mapping[str, Any], work_folder: Path
 ) -> None:
-    """Copy the files of a run to its folder, and write its deck and parameters.
+    """Copy the files of a run to its folder, and write its input script and parameters.
 
     Parameters
     ----------
@@ -729,36 +770,37 @@ def _write_inputs(
     if settings.template is not None:
         deck = work_folder / deck_name(settings.template)
         deck.write_text(inputs["deck"], encoding="utf-8")
-    # Keep the numbers of the run, such as its seed, apart from its parameters.
+    # The file has the variables of the run, such as its seed, at its top level, and the
+    # parameters under a key of their own.
     values = inputs["values"]
-    run_numbers = {name: values[name] for name in RUN_VARIABLES}
+    run_variables = {name: values[name] for name in RUN_VARIABLES}
     parameters = {
         name: value for name, value in values.items() if name not in RUN_VARIABLES
     }
-    text = json.dumps({**run_numbers, "parameters": parameters}, indent=1)
+    text = json.dumps({**run_variables, "parameters": parameters}, indent=1)
     (work_folder / PARAMETERS_FILE).write_text(f"{text}\n", encoding="utf-8")
 
 
-def _check_outputs(settings: SimulatorSettings, work_folder: Path) -> Ending:
+def _check_outputs(settings: SimulatorSettings, work_folder: Path) -> Outcome:
     """Check whether a program that ended normally has written every file that is read.
 
     Returns
     -------
-    Ending
+    Outcome
         ``ok``, or ``no_output`` with the first file that is missing.
     """
     for name in settings.files_read:
         path = work_folder / name
         if not path.exists():
-            return Ending("no_output", f"{name} is missing")
+            return Outcome("no_output", f"{name} is missing")
         if not path.is_file():
-            return Ending("no_output", f"{name} is not a file")
-    return Ending(OK)
+            return Outcome("no_output", f"{name} is not a file")
+    return Outcome(OK)
 
 
 def _call_program(
     command: Sequence[str], work_folder: Path, settings: SimulatorSettings
-) -> Ending:
+) -> Outcome:
     """Call the program in a folder, without a shell, and wait for its end.
 
     The file `PRINTED_FILE` receives what the program prints. If the program takes too
@@ -776,7 +818,7 @@ def _call_program(
 
     Returns
     -------
-    Ending
+    Outcome
         How the program ended.
     """
     # Libraries with threads of their own read OMP_NUM_THREADS.
@@ -800,20 +842,22 @@ def _call_program(
             process.wait(settings.time_limit_s)
         except subprocess.TimeoutExpired:
             _stop_program(process)
-            return Ending("time_limit", f"longer than {settings.time_limit_s:g} s")
+            return Outcome("time_limit", f"longer than {settings.time_limit_s:g} s")
+        # SystemExit, which `_exit_on_sigterm` raises, and KeyboardInterrupt are no
+        # subclasses of Exception.
         except BaseException:
             _stop_program(process)
             raise
     if process.returncode == 0:
-        return Ending(OK)
+        return Outcome(OK)
     reason = f"exit status {process.returncode}"
-    # A negative status is the negated number of the signal that ended the program.
+    # If a signal ended the program, Python reports minus the number of the signal.
     if process.returncode < 0:
         reason = f"ended by {signal.Signals(-process.returncode).name}"
     last_line = _read_last_line(work_folder / PRINTED_FILE)
     if last_line:
         reason += f": {last_line}"
-    return Ending("exit_status", reason)
+    return Outcome("exit_status", reason)
 
 
 @contextmanager

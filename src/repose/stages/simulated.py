@@ -19,7 +19,7 @@ from repose.calibrate.strategies.runs import (
 from repose.common.errors import InputError, NoFlankError
 from repose.common.files import StrPath, read_json, write_json
 from repose.stages.settings import SimulatorSettings
-from repose.stages.simulate import MAX_REASON_LENGTH, Ending, find_file_fault
+from repose.stages.simulate import MAX_REASON_LENGTH, Outcome, make_file_error
 
 if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
@@ -72,7 +72,9 @@ def measure_sample(
     responses: Sequence[str],
     measure: "MeasureSettings | None",
 ) -> dict[str, Any]:
-    """Read the responses of all runs of a sample, and write its job.
+    """Read the responses of all runs of a sample, and write them as a measured job.
+
+    A job is all runs of one sample. Its file has the same form as that of a bench test.
 
     Parameters
     ----------
@@ -97,17 +99,19 @@ def measure_sample(
     description: dict[str, Any] = {}
     for path in map(Path, records):
         record = read_json(path, keys, "the record of a run")
-        # These entries are the same for all runs of a sample.
+        # These entries are the same for all runs of a sample, so those of the last run
+        # describe the job.
         description = {key: record[key] for key in DESCRIPTION_KEYS}
-        ending = Ending(record["status"], record["reason"])
-        numbers: dict[str, float | None] = dict.fromkeys(responses)
+        outcome = Outcome(record["status"], record["reason"])
+        values: dict[str, float | None] = dict.fromkeys(responses)
         # A run that failed has no files to read.
-        if ending.status == OK:
-            # The folder of a run has the name of its record without the ending.
+        if outcome.status == OK:
+            # The folder of a run has the name of its record without the suffix .json.
             folder = path.with_suffix("")
-            ending, numbers = read_responses(folder, settings, responses, measure)
-        runs.append({"seed": record["seed"], **ending._asdict(), **numbers})
+            outcome, values = read_responses(folder, settings, responses, measure)
+        runs.append({"seed": record["seed"], **outcome._asdict(), **values})
 
+    # Every response is summarised by its mean, and is also a column of single runs.
     names = tuple(responses)
     summary = summarise_runs(runs, Recorded(means=names, single=names))
     job = description | {"summary": summary, "runs": runs}
@@ -120,10 +124,10 @@ def read_responses(
     settings: SimulatorSettings,
     responses: Sequence[str],
     measure: "MeasureSettings | None",
-) -> tuple[Ending, dict[str, float | None]]:
-    """Read the responses of a run that ended normally.
+) -> tuple[Outcome, dict[str, float | None]]:
+    """Read the responses of a run whose program ended normally.
 
-    The run counts as failed if a response cannot be read.
+    The run counts as failed if one of the responses cannot be read.
 
     Parameters
     ----------
@@ -132,13 +136,13 @@ def read_responses(
     settings : SimulatorSettings
         The simulator, which states which of these files have the responses.
     responses : sequence of str
-        Names of the targets.
+        Names of the responses to read, those of the targets.
     measure : MeasureSettings or None
         How a pile of particles is measured.
 
     Returns
     -------
-    Ending
+    Outcome
         Its status is ``ok``, or it has the reason why the run counts as failed.
     dict
         A number for each response. All are None for a failed run.
@@ -149,11 +153,12 @@ def read_responses(
         If a file of the run has been lost or changed since the run.
     """
     for name in settings.files_read:
-        fault = find_file_fault(folder, name)
-        if fault is not None:
-            raise fault
+        error = make_file_error(folder, name)
+        if error is not None:
+            raise error
 
-    no_numbers: dict[str, float | None] = dict.fromkeys(responses)
+    # The responses of a failed run.
+    empty_responses: dict[str, float | None] = dict.fromkeys(responses)
     contents: dict[str, Any] = {}
     try:
         if settings.particles is not None:
@@ -161,44 +166,49 @@ def read_responses(
         # Responses in the table replace those of the pile.
         if settings.output is not None:
             contents |= read_response_table(folder / settings.output)
-    except NoFlankError as error:
-        return Ending("no_pile", error.reason), no_numbers
-    except (InputError, OSError, ValueError) as error:
-        return Ending("bad_output", _shorten(error)), no_numbers
-    return _judge_contents(contents, responses)
+    except NoFlankError as no_flank:
+        return Outcome("no_pile", no_flank.reason), empty_responses
+    except (InputError, OSError, ValueError) as read_error:
+        return Outcome("bad_output", _shorten(read_error)), empty_responses
+    return _check_contents(contents, responses)
 
 
-def _judge_contents(
+def _check_contents(
     contents: dict[str, Any], responses: Sequence[str]
-) -> tuple[Ending, dict[str, float | None]]:
-    """Judge a run by what it left, and return its responses.
+) -> tuple[Outcome, dict[str, float | None]]:
+    """Check whether the output files of a run have all responses.
 
     Parameters
     ----------
     contents : dict
-        The responses that the run left, and perhaps a `status` that the program gave.
+        The responses in the output files, and perhaps a `status` that the program gave.
     responses : sequence of str
         Names of the responses that the run must have.
 
     Returns
     -------
-    Ending, dict
-        As in `read_responses`.
+    Outcome
+        Its status is ``ok``. It is ``bad_output`` if a response is missing, and
+        ``failed`` if the program gave another status itself.
+    dict
+        A number for each response. All are None for a failed run.
     """
-    # A table of runs follows the same rules, so judge the run as a table with one row.
+    # A table of many runs follows the same rules, so check a table with this one row.
+    # `judge_runs` gives the status FAILED to a row without a finite number for each
+    # response, and keeps a status that the row states itself.
     cells, _ = make_cells(contents, responses)
-    outcome = judge_runs({name: [cell] for name, cell in cells.items()}, responses)
-    status = outcome.statuses[0]
+    checked = judge_runs({name: [cell] for name, cell in cells.items()}, responses)
+    status = checked.statuses[0]
     if status == OK:
-        return Ending(OK), {name: outcome.values[name][0] for name in responses}
+        return Outcome(OK), {name: checked.values[name][0] for name in responses}
 
-    no_numbers: dict[str, float | None] = dict.fromkeys(responses)
+    empty_responses: dict[str, float | None] = dict.fromkeys(responses)
     missing_responses = [name for name in responses if not math.isfinite(cells[name])]
     if status == FAILED and missing_responses:
         names = ", ".join(missing_responses)
         reason = f"no finite number for {names}; the run left {contents}"
-        return Ending("bad_output", _shorten(reason)), no_numbers
-    return Ending("failed", f"its status is {_shorten(status)}"), no_numbers
+        return Outcome("bad_output", _shorten(reason)), empty_responses
+    return Outcome("failed", f"its status is {_shorten(status)}"), empty_responses
 
 
 def _shorten(text: object) -> str:
@@ -212,15 +222,15 @@ def read_response_table(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError, ValueError
-        If the file is neither.
+        If the file is neither. The readers of the two formats raise different errors.
     """
     from repose.common import tables
 
     if path.suffix.lower() == ".json":
         return read_json(path, what="responses by name")
 
-    # The caller checks the cells. Here they may be of any kind, so no column is treated
-    # as a column of numbers.
+    # Declare no columns, and let no column count as numbers, so that the cells stay
+    # texts of any kind. `_check_contents` converts and checks them.
     table = tables.read(
         path,
         columns=(),
@@ -240,6 +250,17 @@ def measure_pile(
 ) -> dict[str, float | None]:
     """Measure the pile of a run as `repose measure` does.
 
+    Parameters
+    ----------
+    folder : Path
+        Folder of the run.
+    settings : SimulatorSettings
+        The simulator. Its section `particles` names the file with the positions of the
+        particles, their unit of length, the direction that points up, and the height of
+        the base.
+    measure : MeasureSettings or None
+        How a pile of particles is measured.
+
     Returns
     -------
     dict
@@ -256,6 +277,7 @@ def measure_pile(
     from repose.measure.particles import measure_particles
 
     section = settings.particles
+    # The caller has checked this.
     assert section is not None
     path = folder / section.file
     pile = measure_particles(
@@ -266,4 +288,5 @@ def measure_pile(
         base=section.base,
         source=path,
     )
+    # `record` returns the responses by name.
     return pile.result.record()

@@ -63,7 +63,7 @@ def read_dataset(
 
 
 def _check_contact_parameters(dataset: pd.DataFrame, path: StrPath) -> None:
-    """Refuse a contact parameter beyond the limits of its law."""
+    """Raise an InputError if a contact parameter is beyond its physical limits."""
     parameter_sets = dataset[list(parameters_among(dataset))].to_dict("records")
     for row, parameters in enumerate(parameter_sets, start=1):
         for name, value in parameters.items():
@@ -84,7 +84,8 @@ def read_runs(
     dataset : pandas.DataFrame
         The table of samples.
     dataset_csv : path
-        File of the table of samples. The summary next to it states the number of runs.
+        File of the table of samples. The file dataset_summary.json next to it states
+        how many runs there should be.
 
     Returns
     -------
@@ -98,14 +99,15 @@ def read_runs(
         means differ from those in `dataset`.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
-    # The column `apparatus` names the bench test of each run. It exists only if there
-    # are several.
+    # The column `apparatus` names the bench test of each run. It exists only if the
+    # study has several bench tests.
     has_several_bench_tests = "apparatus" in runs
     key_columns = ["sample", "seed"]
     if has_several_bench_tests:
         key_columns.append("apparatus")
     _reject_repeated_rows(runs, key_columns, runs_csv)
-    # With several bench tests, a run has only the responses of its own bench test.
+    # With several bench tests, a run has only the responses of its own bench test. The
+    # cells of the other responses are empty, which this check would report.
     if not has_several_bench_tests:
         _check_responses(runs, targets, runs_csv)
     _check_number_of_rows(runs, runs_csv, _read_expected_rows(dataset_csv, "runs"))
@@ -116,8 +118,11 @@ def read_runs(
             runs_csv,
             key="sample",
             value=min(unmatched_samples),
-            allowed=f"the samples of {dataset_csv}, all of them",
+            allowed=f"the same samples as in {dataset_csv}",
         )
+    # The table of samples has a single number of good runs, the smallest one of all
+    # bench tests. With several bench tests, the checks below would compare different
+    # things.
     if not has_several_bench_tests:
         _check_run_counts(runs, dataset, runs_csv=runs_csv, dataset_csv=dataset_csv)
         _check_means(
@@ -132,7 +137,7 @@ def find_answer(table: pd.DataFrame, source: object) -> pd.Series:
     Parameters
     ----------
     table : pandas.DataFrame
-        A row for each set, with its `role`, such as Table 4.
+        A row for each set, with its `role`, such as table4.csv.
     source : object
         The file of the table, for the message.
 
@@ -155,9 +160,9 @@ def find_answer(table: pd.DataFrame, source: object) -> pd.Series:
 
 
 def _check_run_counts(
-    runs: pd.DataFrame, dataset: pd.DataFrame, runs_csv: object, dataset_csv: object
+    runs: pd.DataFrame, dataset: pd.DataFrame, runs_csv: StrPath, dataset_csv: StrPath
 ) -> None:
-    """Refuse the runs if a sample does not have `n_seeds` good ones."""
+    """Raise an InputError unless each sample has `n_seeds` good runs."""
     good_runs = runs[runs["status"] == "ok"]
     counts = good_runs.groupby("sample").size()
     for sample, n_seeds in zip(dataset["sample"], dataset["n_seeds"], strict=True):
@@ -175,10 +180,13 @@ def _check_means(
     runs: pd.DataFrame,
     dataset: pd.DataFrame,
     targets: Targets,
-    runs_csv: object,
-    dataset_csv: object,
+    runs_csv: StrPath,
+    dataset_csv: StrPath,
 ) -> None:
-    """Refuse runs whose means or standard errors differ from those of the samples.
+    """Raise an InputError if the means of runs differ from those of their samples.
+
+    The standard errors of the means are compared, too. With a single run, the standard
+    error is NaN in both tables, which counts as equal.
 
     Parameters
     ----------
@@ -194,12 +202,12 @@ def _check_means(
     # The index of both results is the sample. `sem` is the standard error of a mean.
     runs_by_sample = good_runs.groupby("sample")[list(targets.names)]
     means = runs_by_sample.mean().reindex(samples.index)
-    errors = runs_by_sample.sem().reindex(samples.index)
+    standard_errors = runs_by_sample.sem().reindex(samples.index)
 
     # Pair the quantities that follow from the runs with the columns of the samples.
     comparisons = (
         ("mean", means, targets.names),
-        ("standard error", errors, targets.errors),
+        ("standard error", standard_errors, targets.errors),
     )
     for quantity, computed, columns in comparisons:
         for name, column in zip(targets.names, columns, strict=True):
@@ -218,10 +226,10 @@ def _require_equal(
     stored: pd.Series,
     quantity: str,
     response: str,
-    runs_csv: object,
-    dataset_csv: object,
+    runs_csv: StrPath,
+    dataset_csv: StrPath,
 ) -> None:
-    """Refuse the runs if the mean or error of a sample differs from the stored one.
+    """Raise an InputError if a mean or standard error differs from the stored one.
 
     Parameters
     ----------
@@ -247,8 +255,8 @@ def _require_equal(
     )
 
 
-def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> None:
-    """Refuse a good row that lacks a response, or has one outside its limits.
+def _check_responses(table: pd.DataFrame, targets: Targets, path: StrPath) -> None:
+    """Check that each row with the status ok has all responses, inside their limits.
 
     Parameters
     ----------
@@ -258,6 +266,11 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
         The targets of the study.
     path : path
         File of the table, for the message.
+
+    Raises
+    ------
+    InputError
+        If a response is missing or outside its limits.
     """
     is_ok = table["status"] == "ok"
     for target in targets:
@@ -278,9 +291,9 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
 
 
 def _reject_repeated_rows(
-    table: pd.DataFrame, columns: list[str], path: object
+    table: pd.DataFrame, columns: list[str], path: StrPath
 ) -> None:
-    """Refuse rows with the same values in these columns."""
+    """Raise an InputError if two rows have the same values in these columns."""
     is_repeated = table[columns].duplicated().to_numpy()
     if is_repeated.any():
         row = int(is_repeated.argmax())
@@ -313,9 +326,9 @@ def _read_expected_rows(dataset_csv: StrPath, key: str) -> _ExpectedRows:
 
 
 def _check_number_of_rows(
-    table: pd.DataFrame, path: object, expected: _ExpectedRows
+    table: pd.DataFrame, path: StrPath, expected: _ExpectedRows
 ) -> None:
-    """Refuse a table that does not have the expected number of rows."""
+    """Raise an InputError unless a table has the expected number of rows."""
     if expected.number is not None and len(table) != expected.number:
         raise InputError(
             path,

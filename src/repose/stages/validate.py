@@ -57,17 +57,18 @@ def select_for_validation(
 ) -> pd.DataFrame:
     """Select the solutions that are simulated again.
 
-    The first one is the representative solution, and the second one has the least
-    objective. Each further one is the solution that is farthest, in normalised
-    parameters, from all that are already selected (Gonzalez 1985).
+    The first one is the representative solution, which is the answer of the study. The
+    second one has the smallest objective. Each further one lies as far as possible from
+    the solutions that are already selected: the distance to the nearest of them, in
+    normalised parameters, is largest (Gonzalez 1985).
 
     Parameters
     ----------
     solutions : pandas.DataFrame
         Parameter sets with `objective`, `feasible` and `representative`. If more than
-        `count` are feasible, only feasible ones are selected.
+        `count` are feasible, only these and the representative one are candidates.
     count : int
-        Number of solutions besides the representative one.
+        Number of solutions to select besides the representative one.
     space : ParameterSpace
         The ranges that normalise the parameters.
 
@@ -76,14 +77,17 @@ def select_for_validation(
     pandas.DataFrame
         The selected rows in the order of their selection, with the column `role`.
     """
+    # More than `count` feasible solutions are enough, even if the representative one is
+    # among them.
     candidates = solutions
     if np.count_nonzero(solutions["feasible"]) > count:
         is_candidate = solutions["feasible"] | solutions["representative"]
         candidates = solutions[is_candidate]
 
+    # Rows are identified by their positions in `candidates`, not by its index.
     representative = int(np.flatnonzero(candidates["representative"])[0])
     best = int(candidates["objective"].to_numpy(float).argmin())
-    # The keys are row numbers in the order of selection.
+    # The keys are in the order of selection, and the values are the roles.
     role_of_row = {representative: "representative"}
     # Keep the role of the representative if it is also the best solution.
     role_of_row.setdefault(best, "least objective")
@@ -123,7 +127,10 @@ def _find_farthest(positions: np.ndarray, selected: list[int]) -> int:
 def add_optimism(
     solutions: pd.DataFrame, optimism: pd.DataFrame, responses: Sequence[Response]
 ) -> pd.DataFrame:
-    """Add columns for the expected optimism of each prediction and its standard error.
+    """Add the expected optimism of each prediction and its standard error as columns.
+
+    The optimism of a prediction is its bias, which arises because the search chose the
+    parameter set for its favourable predictions.
 
     Parameters
     ----------
@@ -209,15 +216,26 @@ def _tabulate_simulated_responses(
     targets: Targets,
     parameter_names: Sequence[str] | None,
 ) -> pd.DataFrame:
-    """Make a table of the simulated responses of solutions, without their parameters.
+    """Make a table of the simulated responses of solutions.
 
-    The parameters are those of `compare_solutions`.
+    Parameters
+    ----------
+    solutions : pandas.DataFrame
+        The parameter sets that were simulated again.
+    jobs : mapping
+        The measured jobs of these sets by bench test, and then by `sample`.
+    targets : Targets
+        The targets of the study.
+    parameter_names : sequence of str or None
+        Names of the parameters, if another program simulates the study.
 
     Returns
     -------
     pandas.DataFrame
         A row for each solution, in the same order: status, responses and standard
-        errors. Each response also has a column with the name that it has in Table 4.
+        errors, but neither number nor contact parameters. Each response of a target has
+        a second column under the name of `Response.simulated`, such as
+        `aor_simulated_deg`.
     """
     dataset, _ = make_tables(solutions, jobs, targets, parameter_names)
     parameters = list_parameters(solutions, parameter_names)
@@ -242,7 +260,9 @@ def make_table4(
     measure: MeasureSettings | None = None,
     parameter_names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Make Table 4: predicted and simulated responses of each solution.
+    """Make the table table4.csv: predicted and simulated responses of each solution.
+
+    It corresponds to Table 4 of the paper.
 
     Parameters
     ----------
@@ -252,7 +272,7 @@ def make_table4(
         The responses of the targets.
     measure : MeasureSettings, optional
         The section `measure`, which defines the angles of piles. Without it, the table
-        has no other angles than the responses.
+        has only those angles that are responses of the targets.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -261,8 +281,9 @@ def make_table4(
     -------
     pandas.DataFrame
         For each solution the predicted responses, the simulated ones with their
-        standard errors, and the relative errors in percent. Piles also have their angle
-        by every definition, and `line`, which describes the calibrated one.
+        standard errors, and the relative errors in percent. If `rows` has the angles of
+        the piles by every definition, the table has them, too. The column `line` then
+        describes the line whose slope is the calibrated angle.
     """
     parameters = list_parameters(rows, parameter_names)
     table = rows[["sample", *SELECTION_COLUMNS, *parameters]].copy()
@@ -287,20 +308,23 @@ def make_table4(
 def describe_calibrated_lines(
     responses: Iterable[Response], measure: MeasureSettings
 ) -> str:
-    """Describe the lines whose slopes are the calibrated angles of a pile.
+    """Describe how the calibrated angles of a pile are measured.
+
+    An angle of a pile is the slope of a straight line along its side. There are several
+    definitions of this line, such as a fit to the middle of the flank.
 
     Parameters
     ----------
     responses : iterable of Response
         Responses of the targets.
     measure : MeasureSettings
-        The section `measure`, which defines the angles.
+        The section `measure` of the configuration, which defines the lines.
 
     Returns
     -------
     str
-        Each line once. If no response is such an angle, the result is the line of the
-        angle of repose.
+        The description of each line, once. If no response is an angle of a pile, the
+        result describes the line that `measure.response` names.
     """
     lines = []
     for response in responses:
@@ -308,6 +332,7 @@ def describe_calibrated_lines(
         if line and line not in lines:
             lines.append(line)
     if not lines:
+        # Without a definition, `line_of` describes the line of the configuration.
         return line_of(measure)
     return "; ".join(lines)
 
@@ -315,12 +340,13 @@ def describe_calibrated_lines(
 def compare_with_measurement(
     row: pd.Series, targets: Targets, measure: MeasureSettings | None = None
 ) -> pd.DataFrame:
-    """Compare the simulation of a solution with the physical measurement.
+    """Compare the simulated responses of a solution with the physical measurement.
 
     Parameters
     ----------
     row : pandas.Series
-        The solution, with predicted and simulated responses.
+        The solution, with predicted and simulated responses. It may also have the
+        expected optimism of the predictions, which is their bias.
     targets : Targets
         The targets of the study.
     measure : MeasureSettings, optional
@@ -330,12 +356,16 @@ def compare_with_measurement(
     Returns
     -------
     pandas.DataFrame
-        A row for each target, with its measured mean, the prediction, the simulated
-        mean, and the error of the simulated mean in percent.
+        A row for each target: measured mean and standard deviation, predicted mean,
+        simulated mean and its standard error, the difference between the simulated and
+        the measured mean in percent, number of runs and status. The row has the columns
+        `optimism` and `line` if they are known.
     """
     rows = []
     for target in targets:
         simulated = row[target.response.simulated]
+        # `target.value` is the measured mean. `whole_value` is the number that counts
+        # as 100 %: usually its magnitude, but a profile has a number of its own.
         deviation = abs(simulated - target.value)
         comparison = {
             "response": target.name,
@@ -379,7 +409,10 @@ def add_probabilities(
 def write_solutions(
     path: StrPath, space: ParameterSpace, targets: Targets, count: int, out_csv: StrPath
 ) -> pd.DataFrame:
-    """Choose the solutions to simulate again, and write them, numbered from 1.
+    """Choose the solutions to simulate again, and write their table.
+
+    The column `solution` keeps the number that a solution has in the search. The column
+    `sample` numbers the chosen solutions from 1.
 
     Parameters
     ----------
@@ -397,12 +430,13 @@ def write_solutions(
     Returns
     -------
     pandas.DataFrame
-        The table that was written.
+        The chosen solutions: `sample`, the parameters, `solution`, `role` and the
+        predicted responses.
 
     Raises
     ------
     InputError
-        If there are too few solutions.
+        If there are fewer solutions than `count` and the representative one.
     """
     needed_columns = (
         "solution",
@@ -426,6 +460,8 @@ def write_solutions(
     solutions = selected[
         ["sample", *space.names, *SELECTION_COLUMNS, *targets.predicted]
     ]
+    # In the file, the number of a solution is text, because the tables of published
+    # sets have names in this column.
     write_table(out_csv, solutions.astype({"solution": str}))
     return solutions
 
@@ -444,6 +480,9 @@ def write_comparison(
 ) -> dict[str, pd.DataFrame]:
     """Compare predicted and simulated responses, and write the resulting tables.
 
+    The name of each table is also the name of its file. The representative solution,
+    which is the answer of the study, is also compared with the measurement.
+
     Parameters
     ----------
     solutions_csv : path
@@ -451,7 +490,8 @@ def write_comparison(
     jobs : iterable of path
         Files of the measured jobs: one for each parameter set in each bench test.
     out_dir : path
-        Folder for table4.csv, representative.csv and published.csv.
+        Folder for table4.csv (all solutions), representative.csv (the comparison with
+        the measurement) and published.csv (published parameter sets).
     targets : Targets
         The targets of the study.
     measure : MeasureSettings or None
@@ -461,7 +501,8 @@ def write_comparison(
     support : Support, optional
         Region that the samples cover. Parameter sets outside it get a warning.
     optimism : pandas.DataFrame, optional
-        Expected optimism of the predictions, from the stage `optimism`.
+        Expected optimism of the predictions, from the stage `optimism`. It is by how
+        much they are too favourable on average, because a search chose them.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -547,7 +588,7 @@ def write_published_sets(
     targets: Targets,
     simulated_by: Mapping[str, str | None],
 ) -> pd.DataFrame:
-    """Write a table of the published sets, as published and as simulated here.
+    """Write a table of the published parameter sets, as published and as simulated.
 
     Parameters
     ----------
@@ -571,6 +612,8 @@ def write_published_sets(
         The table that was written.
     """
     sets = _read_numbered_sets(published_csv, parameter_names)
+    # `make_tables` keeps the order of the sets and numbers its rows from 0, as `sets`
+    # does. The columns of both tables can therefore be combined row by row.
     simulated, _ = make_tables(sets, read_jobs(jobs, sets, targets), targets)
 
     text_columns = [name for name in PUBLISHED_TEXT_COLUMNS if name in sets]
@@ -580,8 +623,10 @@ def write_published_sets(
     for column, new_name in _rename_published_responses(sets).items():
         table[new_name] = sets[column]
 
-    # Store the angle by every definition, because studies may calibrate different ones.
-    # The general name of the calibrated angle would not show which one it is.
+    # Store the angle by every definition, because the table also serves studies that
+    # calibrate another definition. Leave out the column `CALIBRATED_ANGLE`: it has the
+    # angle of the definition that this study calibrates, but its name does not say
+    # which one this is. The keys of the dict are the names in order, each once.
     response_names = dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values()))
     response_names.pop(CALIBRATED_ANGLE, None)
     for name in response_names:
@@ -633,20 +678,24 @@ def compare_with_published(
     ----------
     stored_csv : path or None
         Table of `write_published_sets`.
-    parameter_names, targets
-        As in `write_published_sets`.
+    parameter_names : sequence of str
+        Parameters of the study.
+    targets : Targets
+        The targets of the study.
     measure : MeasureSettings
         The section `measure`.
     simulated_by : mapping
-        Hashes of the present engine and scene. A set that was simulated with others is
-        marked as `stale`.
+        Hash of the present engine (the code of the simulator) and hash of the present
+        scene (grain, walls and settings), by the names in `HASH_NAMES`. A set that was
+        simulated with another engine or scene is marked as `stale`.
 
     Returns
     -------
     pandas.DataFrame
         The stored table with further columns: the simulated responses under the names
-        that they have in Table 4, their differences from the published ones, and
-        `stale`. It has no rows if there is no table, or if the table lacks a parameter.
+        that they have in table4.csv, their differences from the published ones, and
+        `stale`. It has no rows if there is no table, or if the table lacks a parameter
+        or has none of the responses.
     """
     stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
     column_of_response = find_response_columns(
@@ -656,6 +705,7 @@ def compare_with_published(
         definition=measure.response,
     )
     if not column_of_response:
+        # The report and the figures read these columns even from an empty table.
         empty_columns = [
             "sample",
             "solution",
