@@ -10,7 +10,7 @@ import pytest
 
 from repose.common import source_code
 from repose.common.places import PACKAGE
-from repose.common.source_code import WITHOUT_NUMBERS, code_hash, find_dependencies
+from repose.common.source_code import IGNORED_MODULES, code_hash, find_dependencies
 
 HASHES = """
 import sys
@@ -171,10 +171,10 @@ def test_an_import_for_type_checkers_alone_counts_nothing(package):
 
 def test_modules_that_compute_no_number_exist_and_are_no_dependency(kept, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(kept))
-    for name in WITHOUT_NUMBERS:
+    for name in IGNORED_MODULES:
         assert source_code._list_modules_of(name), name
     for module in find_dependencies("stages", "report"):
-        assert not source_code.computes_nothing(module)
+        assert not source_code.is_ignored(module)
 
 
 def test_a_module_that_is_missing_is_named():

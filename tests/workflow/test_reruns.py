@@ -45,7 +45,9 @@ def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     faults = [line for line in done.stderr.splitlines() if "error" in line]
     assert len(faults) == 1
     assert faults[0].startswith("repose: error: results/quick: workflow is 'process ")
-    assert faults[0].endswith("; expected one at a time; wait until it has ended")
+    assert faults[0].endswith(
+        "; expected one at a time; wait until the other workflow has ended"
+    )
     assert {path.name for path in folder.iterdir()} == {".lock"}
     snakemake(project, TARGET, *QUICK, status=0)
     assert (folder / "config.json").exists()

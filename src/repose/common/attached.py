@@ -56,7 +56,7 @@ def add_to_png(content: bytes, record: Mapping[str, Any]) -> bytes:
     Parameters
     ----------
     content : bytes
-        The PNG.
+        The PNG, which has no such record yet.
     record : mapping
         The record; it is stored as JSON under the key `RECORD_KEY`.
 

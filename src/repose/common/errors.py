@@ -134,11 +134,13 @@ def _format_yaml(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, list) and not _is_nested(value):
-        # Each item has at least one character, so any more items would not fit anyway.
+        # `MOST_SHOWN` is the largest number of characters. Each item has at least one,
+        # so any more items would not fit anyway.
         items = [_format_yaml(item) for item in value[:MOST_SHOWN]]
         text = f"[{', '.join(items)}]"
         if len(text) <= MOST_SHOWN:
             return text
+    # All other values are shown as in Python, such as text in quotes.
     return shown(value)
 
 

@@ -1,4 +1,8 @@
-"""Find faulty keys of a configuration, and describe the values that a key allows."""
+"""Find faulty keys of a configuration, and describe the values that a key allows.
+
+Pydantic validates a configuration and reports errors. This module turns each of them
+into a fault: an `InputError` that names the file, the key and the allowed values.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -107,6 +111,8 @@ def convert_whole_numbers(config: Any, model: Model) -> Any:
     object
         The configuration itself, or a copy with such numbers replaced.
     """
+    # The models are strict: they report an error for 3.0 wherever they require an
+    # integer. The errors therefore lead to all such numbers.
     converted = config
     for error in _find_errors(config, model):
         value = follow_path(config, error.path)
@@ -129,8 +135,8 @@ def _replace_value(config: Any, path: Sequence[str], value: Any) -> Any:
     config : object
         The configuration, or a part of it. It is not changed.
     path : sequence of str
-        The steps that lead to the key: names of keys, and positions in lists. An empty
-        path means the part as a whole.
+        The steps that lead to the key: names of keys, and positions in lists as digits.
+        All of them must exist. An empty path means the part as a whole.
     value : object
         The new value.
 
@@ -249,7 +255,8 @@ def _describe_type(schema: Mapping[str, Any]) -> str:
     Parameters
     ----------
     schema : mapping
-        The schema of the value. A number has both bounds or none.
+        The schema of the value. The models give a number both bounds or none, and never
+        exclude the upper one.
 
     Returns
     -------
@@ -285,15 +292,19 @@ def _find_inner_schema(
     outer : mapping
         The schema of a section, or of a list of sections.
     step : int or str
-        A key of the section, or the position of an entry in the list.
+        A key of the section, or the position of an entry in the list. The position may
+        be an integer or a string of digits.
     whole_schema : mapping
-        The schema of the whole configuration, which defines what references stand for.
+        The schema of the whole configuration. References in the other schemas point to
+        its definitions.
 
     Returns
     -------
     mapping or None
         The schema, without a reference. None if there is no such key.
     """
+    # Only the schema of a list has "items". Sections are always references, so a list
+    # of numbers or texts has no reference.
     entry_schema = outer.get("items", {})
     is_list_of_sections = "$ref" in entry_schema
     inner: Any = None
@@ -301,7 +312,8 @@ def _find_inner_schema(
         if str(step).isdigit():
             inner = entry_schema
     elif isinstance(step, str):
-        # Some sections allow any name, and have one schema for all of them.
+        # Some sections allow any name, and have one schema for all names. In other
+        # sections, `additionalProperties` is False or missing.
         inner = outer.get("properties", {}).get(step)
         if not inner:
             inner = outer.get("additionalProperties") or None
@@ -350,8 +362,9 @@ def _locate_error(detail: ErrorDetails, whole_schema: Mapping[str, Any]) -> _Err
     Parameters
     ----------
     detail : ErrorDetails
-        The error. Its location is a path of keys, which may continue beyond the key
-        with a type of the value.
+        The error. Its location begins with the path of the key. After it, pydantic may
+        add further steps: an unknown key, the name of a type, or a position inside the
+        value.
     whole_schema : mapping
         The schema of the whole configuration.
 
@@ -371,7 +384,9 @@ def _locate_error(detail: ErrorDetails, whole_schema: Mapping[str, Any]) -> _Err
         key_schema = inner
         path.append(str(step))
 
-    # The rest of the location is an unknown key, or a place inside the value.
+    # The rest of the location is an unknown key, or something inside the value. An
+    # error inside the value counts as an error of the whole value, which gets the type
+    # "value", because pydantic's type does not describe it.
     rest = location[len(path) :]
     is_unknown_key = detail["type"] in UNKNOWN_KEY_TYPES and len(rest) == 1
     is_inside_the_value = bool(rest) and not is_unknown_key
@@ -391,8 +406,9 @@ def _make_faults(
     Parameters
     ----------
     errors : list of _Error
-        The result of `_find_errors`. Unknown keys must come first: a missing key that
-        one of them was probably meant to be is not reported.
+        The result of `_find_errors`, with the unknown keys first. A misspelt key causes
+        two errors: an unknown key and a missing one. Only the unknown one is reported,
+        and it must be known before the missing one is reached.
     config : object
         The configuration.
     source : str or Origin
@@ -405,7 +421,8 @@ def _make_faults(
     InputError
         The faults in the order of the errors.
     """
-    # Collect the keys that are missing only because of another fault.
+    # These keys are missing only because of another fault, so they are not reported.
+    # The loop adds the keys that the user has misspelt.
     explained_keys = _find_ranges_without_numbers(errors)
     n_unknown_keys = 0
     for error in errors:
@@ -422,16 +439,16 @@ def _make_faults(
             # The key that was meant is missing because it is misspelt.
             if guess is not None:
                 explained_keys.add(".".join([*error.path, guess]))
-            yield _describe_unknown_key(
+            yield _make_unknown_key_fault(
                 error, config, source=source, known=known_keys, guess=guess
             )
         elif error.type == "missing":
             if key not in explained_keys:
-                yield _describe_missing_key(error, source, model)
+                yield _make_missing_key_fault(error, source=source, model=model)
         elif error.type == CONTRADICTION:
-            yield from _make_contradiction_faults(error, config, source)
+            yield from _make_contradiction_faults(error, config, source=source)
         else:
-            yield _describe_invalid_value(error, config, source, model)
+            yield _make_invalid_value_fault(error, config, source=source, model=model)
 
 
 def _guess_key(unknown: str, known: Sequence[str]) -> str | None:
@@ -442,7 +459,7 @@ def _guess_key(unknown: str, known: Sequence[str]) -> str | None:
     return matches[0] if matches else None
 
 
-def _describe_missing_key(
+def _make_missing_key_fault(
     error: _Error, source: str | Origin, model: Model
 ) -> InputError:
     """Make the fault for a key that the user's file lacks."""
@@ -456,7 +473,7 @@ def _describe_missing_key(
     )
 
 
-def _describe_invalid_value(
+def _make_invalid_value_fault(
     error: _Error, config: Any, source: str | Origin, model: Model
 ) -> InputError:
     """Make the fault for a value that its key does not allow."""
@@ -490,7 +507,7 @@ def _find_ranges_without_numbers(errors: list[_Error]) -> set[str]:
     return keys
 
 
-def _describe_unknown_key(
+def _make_unknown_key_fault(
     error: _Error,
     config: Any,
     source: str | Origin,
@@ -523,8 +540,8 @@ def _describe_unknown_key(
     if guess is not None:
         hint = f"did you mean {guess}?"
 
-    # Find the value by the key as text, because pydantic reports keys such as null or
-    # 1.5 as text.
+    # In a YAML file, a key may also be null or a number such as 1.5. Pydantic reports
+    # all keys as Python's text for them, so find the value by this text.
     section = follow_path(config, error.path)
     values = {str(name): value for name, value in section.items()}
     value = values[unknown_name]

@@ -2,9 +2,8 @@
 
 A writer replaces a file atomically, so that no file is ever half written, and adds the
 record of provenance of the current stage. It only replaces files that this program
-wrote
-(`repose.common.ledger`). A reader reports every fault of a file as an `InputError`, and
-leaves out the record of provenance.
+wrote (`repose.common.ledger`). A reader reports everything that is wrong with a file as
+an `InputError`, and leaves out the record of provenance.
 """
 
 import json
@@ -57,6 +56,8 @@ def convert_to_path(name: str, path: Any) -> Path:
     InputError
         If the value is neither a string nor a path, or the system refuses such a path.
     """
+    # An empty string is no path. The public functions belong to a study, which is
+    # therefore the source that the message names.
     is_path = isinstance(path, StrPath) and bool(str(path))
     if not is_path:
         raise InputError("study", key=name, value=path, allowed="the path of a file")
@@ -85,8 +86,9 @@ def write_text(path: StrPath, text: str) -> None:
 def write_bytes(path: StrPath, content: bytes) -> None:
     """Write bytes, with the record of provenance of the current stage if there is one.
 
-    In a PNG, the record is part of the file itself. For any other file, it is written
-    into a second file next to it, the sidecar.
+    The current stage is that of `repose.common.provenance.record_stage`. In a PNG, the
+    record is part of the file itself. For any other file, it is written into a second
+    file next to it, the sidecar. Outside a stage, a sidecar of an earlier file remains.
 
     Parameters
     ----------
@@ -102,29 +104,32 @@ def write_bytes(path: StrPath, content: bytes) -> None:
     """
     record = provenance.get_current_record()
     if record and content.startswith(attached.PNG_SIGNATURE):
-        _write_without_record(path, attached.add_to_png(content, record))
+        _write_listed_bytes(path, attached.add_to_png(content, record))
         return
-    _write_without_record(path, content)
+    _write_listed_bytes(path, content)
     if record:
         text = json.dumps(record, indent=1) + "\n"
-        _write_without_record(f"{path}{attached.SIDECAR_SUFFIX}", text.encode())
+        _write_listed_bytes(f"{path}{attached.SIDECAR_SUFFIX}", text.encode())
 
 
 def write_json(path: StrPath, content: Any, indent: int = 1) -> None:
     """Write content as JSON; numbers of numpy are written as plain numbers."""
     text = format_json(content, indent) + "\n"
-    _write_without_record(path, text.encode())
+    _write_listed_bytes(path, text.encode())
 
 
 def format_json(content: Any, indent: int = 1) -> str:
     """Format content as JSON, and add the record of the current stage to a mapping.
 
+    The current stage is that of `repose.common.provenance.record_stage`.
+
     Parameters
     ----------
     content : object
-        Mappings, lists and plain values. Numbers and arrays of numpy become plain ones.
+        Mappings, lists and plain values. Numbers and arrays of numpy become numbers and
+        lists.
     indent : int, optional
-        Number of spaces before each entry of the outermost mapping.
+        Number of spaces before each entry of the outermost mapping, at least 1.
 
     Returns
     -------
@@ -137,11 +142,12 @@ def format_json(content: Any, indent: int = 1) -> str:
     if not record or not isinstance(content, Mapping):
         return text
 
-    # Insert the record before the closing brace.
+    # `json.dumps` would spread the record over many lines. Format it separately, and
+    # insert it as one line before the closing brace, which is the last character.
     text_before_brace = text.removesuffix("}").rstrip()
     comma = "," if content else ""
-    blanks = " " * indent
-    entry = f"{blanks}{json.dumps(attached.RECORD_KEY)}: {json.dumps(record)}"
+    spaces = " " * indent
+    entry = f"{spaces}{json.dumps(attached.RECORD_KEY)}: {json.dumps(record)}"
     return f"{text_before_brace}{comma}\n{entry}\n}}"
 
 
@@ -224,8 +230,8 @@ def write_image(path: StrPath, picture: "np.ndarray") -> None:
     write_bytes(path, content.tobytes())
 
 
-def _write_without_record(path: StrPath, content: bytes) -> None:
-    """Write bytes atomically, without a record of provenance."""
+def _write_listed_bytes(path: StrPath, content: bytes) -> None:
+    """Write exactly these bytes, and list the file as one of this program."""
     write_listed_file(path, lambda handle: handle.write(content))
 
 
@@ -271,7 +277,7 @@ def read_json(
     keys : iterable of str, or mapping of str to type
         Keys that the file must have. A mapping also gives the type of each value.
     what : str
-        What the file should be, for messages.
+        Description of the expected file, for messages.
 
     Returns
     -------
@@ -285,19 +291,23 @@ def read_json(
         has a value of another type.
     """
     try:
+        # A device or a pipe is refused, because reading it might never end.
         text = attached.require_plain_file(path).read_bytes().decode("utf-8-sig")
         content = json.loads(text, object_pairs_hook=_make_unique_mapping)
     except OSError as error:
         raise InputError(
             path, key="file", value=error.strerror, allowed=what
         ) from error
+    # A repeated key, invalid JSON and another encoding are all a ValueError, which is
+    # among these errors. A deeply nested file is a RecursionError.
     except (*attached.READ_ERRORS, RecursionError) as error:
         raise InputError(path, key="content", value=str(error), allowed=what) from error
     if not isinstance(content, dict):
         raise InputError(path, key="content", value=content, allowed=what)
     content.pop(attached.RECORD_KEY, None)
 
-    # A key without a given type may have a value of any type.
+    # A key without a given type may have a value of any type. The message begins like
+    # "a number in" or "a key of", and ends with the description of the file.
     for key in keys:
         kind = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kind):

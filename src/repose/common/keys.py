@@ -53,16 +53,17 @@ class Origin:
         """Return the file in which the user should edit a dotted key.
 
         It is the file that holds the key. If no file holds the key, it is the file that
-        holds the innermost section around the key. The file of the method does not
-        count, because users do not edit it. If no file is left, it is the default file.
+        holds the innermost section around the key. The file of the method has the
+        program's own defaults and does not count, because users do not edit it. If no
+        file is left, it is the default file.
         """
         # Look up the key, then the section around it, and so on outwards.
-        steps = key.split(".")
-        while steps:
-            file = self.files_by_key.get(".".join(steps), self.method_file)
-            if file != self.method_file:
+        parts = key.split(".")
+        while parts:
+            file = self.files_by_key.get(".".join(parts))
+            if file is not None and file != self.method_file:
                 return file
-            steps.pop()
+            parts.pop()
         return self.default_file
 
 

@@ -1,8 +1,8 @@
 """List the files that this program wrote in a folder, because only these are replaced.
 
-Each folder has a ledger, the file `.repose`. The ledger has a line for each file that
-this program wrote there, with the SHA-256 of the content. A file that a user put there,
-or has changed, has no such line and is therefore not replaced.
+Each folder has a list of files, called its ledger, in the file `.repose`. It has a line
+for each file that this program wrote there, with the SHA-256 of the content. A file
+that a user put there, or has changed, has no such line and is therefore not replaced.
 """
 
 import hashlib
@@ -30,7 +30,11 @@ OPEN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 def write_listed_file(
     path: str | os.PathLike, write: Callable[[IO[bytes]], Any]
 ) -> None:
-    """Write a file atomically, and list it in the ledger of its folder.
+    """Write a file atomically, and add it to the ledger of its folder.
+
+    The ledger is the list of the files that this program wrote. A file is written
+    atomically if its path never has half of the content: the content is written into a
+    temporary file, which is then renamed.
 
     Parameters
     ----------
@@ -51,14 +55,15 @@ def write_listed_file(
         """Write the content into a temporary file, and list it under its later name."""
         write(handle)
         handle.flush()
-        # List the file before it gets its final name. Otherwise, if the program were
-        # killed in between, the next run would mistake it for a file of the user.
+        # List the file before `write_atomically` renames the temporary file. Otherwise,
+        # if the program were killed in between, the next run would mistake it for a
+        # file of the user. `handle.name` is the path of the temporary file.
         _append_entry(path.parent, path.name, _hash_file(handle.name))
 
     try:
         write_atomically(path, write_and_list)
     except OSError as error:
-        # The error of a full disk names no file.
+        # The error of a full disk names no file, but the message for the user should.
         if error.filename is None:
             error.filename = str(path)
         raise
@@ -165,25 +170,28 @@ def _has_other_content(path: Path, digests: set[str]) -> bool:
 
 
 def _read_ledger(folder: Path) -> dict[str, set[str]]:
-    """Read the ledger of a folder.
+    """Read the ledger of a folder, the list of the files that this program wrote.
 
     Returns
     -------
     dict of str to set of str
-        For each file, the hashes of all contents that this program wrote into it. It is
-        empty for a folder without a ledger. A line that a full disk cut off is ignored.
+        For each file, the hashes of all contents that this program wrote into it. The
+        dict is empty for a folder without a ledger. It is a defaultdict, so that a file
+        that is not listed has an empty set.
 
     Raises
     ------
     InputError
-        If the file of this name is not a ledger.
+        If there is a file of this name that is not a ledger.
     """
     path = folder / LEDGER
     digests: dict[str, set[str]] = defaultdict(set)
     if path.is_symlink() or not path.is_file():
         return digests
 
-    # The text after the last newline is empty, or a line that was cut off.
+    # The text after the last newline is empty, or a line that was cut off. Read only
+    # the lines before it. A full disk may also have cut off one of these, which then
+    # does not match the pattern and is skipped.
     *whole_lines, last_line = os.fsdecode(path.read_bytes()).split("\n")
     for line in whole_lines:
         match = ENTRY_PATTERN.fullmatch(line)
@@ -191,8 +199,8 @@ def _read_ledger(folder: Path) -> dict[str, set[str]]:
             digest, name = match.groups()
             digests[name].add(digest)
 
-    # A ledger without any entry may still have lines that were cut off. With other
-    # lines, the file is something else.
+    # A file without a single entry is a ledger only if each of its lines may be the
+    # beginning of an entry. Otherwise it belongs to another program.
     lines = [*whole_lines, last_line]
     if not digests and not all(map(CUT_OFF_PATTERN.fullmatch, lines)):
         raise InputError(

@@ -57,13 +57,14 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
     path = folder / WORKFLOW_LOCK
     lock = _try_lock(path)
     if lock is None:
-        # The holder writes its process into the file soon after it has the lock.
+        # `_try_lock` has created the file. The process that holds the lock writes its
+        # number into the file, but it may not have done so yet.
         holder = path.read_text(encoding="utf-8") or "running"
         raise InputError(
             folder,
             key="workflow",
             value=holder,
-            allowed="one at a time; wait until it has ended",
+            allowed="one at a time; wait until the other workflow has ended",
         )
     _wait_for_jobs(folder)
 
@@ -77,12 +78,16 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
 def _wait_for_jobs(folder: Path) -> None:
     """Wait until the jobs of an earlier workflow have ended, and remove their lock files.
 
+    A job that was killed leaves its lock file, but no lock. The caller holds the lock
+    of the workflow, so no new job begins meanwhile.
+
     Parameters
     ----------
     folder : Path
         The folder of results. If one of its jobs is still running, a line on stderr
         says so.
     """
+    # Remove the files of jobs that have ended, and collect those of running jobs.
     locked_paths = []
     for path in sorted(folder.glob(f"{JOB_LOCK_PREFIX}*")):
         lock = _try_lock(path)
@@ -92,8 +97,12 @@ def _wait_for_jobs(folder: Path) -> None:
             _remove_lock_file(path, lock)
 
     if locked_paths:
-        text = "waiting until the jobs of a workflow that was killed have ended"
-        print(f"repose: {folder}: {text}", file=sys.stderr, flush=True)
+        print(
+            f"repose: {folder}: waiting until the jobs of a workflow that was killed "
+            "have ended",
+            file=sys.stderr,
+            flush=True,
+        )
     for path in locked_paths:
         # This call returns when the job has released its lock.
         lock = _acquire_lock(path)
@@ -121,7 +130,9 @@ def lock_folder_for_job(folder: str | os.PathLike) -> Iterator[None]:
         The folder of results. It need not exist.
     """
     folder = Path(folder)
-    # A workflow creates its lock file in the folder before it starts the first job.
+    # A workflow creates its lock file in the folder before it starts the first job. The
+    # file remains after the workflow. A subcommand in such a folder is then treated as a
+    # job, which does no harm.
     has_workflow = (folder / WORKFLOW_LOCK).is_file()
     if not has_workflow or not os.access(folder, os.W_OK):
         yield
@@ -133,6 +144,8 @@ def lock_folder_for_job(folder: str | os.PathLike) -> Iterator[None]:
         try:
             yield
         finally:
+            # Record the process while the lock is held, because the next workflow may
+            # read the table as soon as it is released.
             usage.record_process(folder)
             path.unlink(missing_ok=True)
 

@@ -35,8 +35,8 @@ def format_significant(value: float, digits: int = 4, sign: str = "") -> str:
 def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
     """Write a mean with its standard error if that is known, as in ``65.98 +- 0.30``.
 
-    The error has two significant digits. The mean has as many decimals as the error,
-    but at most four significant digits.
+    The error has two significant digits. The mean has the same number of decimals. It
+    has fewer if it would otherwise have more than four significant digits.
 
     Parameters
     ----------
@@ -55,10 +55,10 @@ def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
     if error is None:
         return format_significant(mean, sign=sign)
 
-    # Numbers that are tiny or infinite have no fixed number of decimals. Write both
-    # numbers without aligning their decimals.
-    can_align = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
-    if not can_align:
+    # A tiny error would need many decimals, and an infinite number has none. Write both
+    # numbers separately in these cases.
+    has_decimals = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
+    if not has_decimals:
         mean_text = format_significant(mean, sign=sign)
         return f"{mean_text} +- {format_significant(error, DIGITS_OF_ERROR)}"
 

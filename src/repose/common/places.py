@@ -38,26 +38,29 @@ def list_default_configs() -> list[Path]:
     Returns
     -------
     list of Path
-        The first file is always the configuration of the method. What follows depends
-        on the working folder:
+        The first file is always `config/method.yaml` of the program, with the settings
+        that all crops share. What follows depends on the working folder. The built-in
+        file is `config/config.yaml` of the program, the configuration of its example.
 
-        - with a file `config/config.yaml`: the built-in crop, and this file;
-        - with a file `config.yaml`: this file;
-        - with neither of them: the built-in crop.
+        - With a file `config/config.yaml`: the built-in file, and this file.
+        - With a file `config.yaml`: this file.
+        - With neither of them: the built-in file.
     """
-    method = find_file(METHOD_CONFIG)
-    built_in_crop = find_program_folder() / DEFAULT_CONFIG
+    method_config = find_file(METHOD_CONFIG)
+    built_in_config = find_program_folder() / DEFAULT_CONFIG
 
-    # A file at the same place as in the project changes single values of the built-in
-    # crop.
+    # `DEFAULT_CONFIG` is a relative path, so this file is in the working folder. It
+    # overrides single values of the built-in file.
     users_config = Path(DEFAULT_CONFIG)
     if users_config.is_file():
         # In a checkout of the project both are the same file, which is listed once.
-        if users_config.resolve() == built_in_crop.resolve():
-            return [method, users_config]
-        return [method, built_in_crop, users_config]
+        if users_config.resolve() == built_in_config.resolve():
+            return [method_config, users_config]
+        return [method_config, built_in_config, users_config]
 
-    # In the folder of another crop, its file replaces the built-in crop.
-    users_crop = Path("config.yaml")
-    crop = users_crop if users_crop.is_file() else built_in_crop
-    return [method, crop]
+    # The folder of another crop has a complete configuration, which replaces the
+    # built-in file.
+    crop_config = Path("config.yaml")
+    if crop_config.is_file():
+        return [method_config, crop_config]
+    return [method_config, built_in_config]

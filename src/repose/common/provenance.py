@@ -53,7 +53,7 @@ class _Stage:
     simulates : bool
         Whether its results are runs of the engine.
     check : callable or None
-        Function that refuses files of another study; see `record_stage`.
+        Function that rejects files of another study; see `record_stage`.
     config : mapping or None
         The whole configuration; None until `note_config` is called.
     record : dict or None
@@ -84,22 +84,29 @@ def record_stage(
 ) -> Iterator[None]:
     """Attach the record of a stage to every file that is written in the context.
 
+    A stage is a subcommand with its settings and input files. Its record states from
+    what its results were made. This function sets the current stage, a variable of this
+    module. The writers of `repose.common.files` ask `get_current_record` for its
+    record.
+
     Parameters
     ----------
     verb : str
-        Name of the stage.
+        Name of the stage, which is that of its subcommand.
     paths : iterable of Path
         The input files of the stage.
     settings_of : callable
         Function that selects the settings that the stage reads, given a configuration
         and the name of a bench test. The name is None if the results are not runs.
     apparatus : str, optional
-        The bench test of the runs. The default is that of the input files.
+        The bench test of the runs. The default is the bench test in the record of the
+        first input file that names one.
     runs : {"", "made", "measured"}
         Whether the results are runs that the stage simulates ("made"), runs that it
         measures ("measured"), or not runs ("").
     strategy : str, optional
-        The strategy whose batches the stage serves.
+        The strategy of the calibration, if the stage proposes, simulates or evaluates a
+        batch of runs for it.
     check : callable, optional
         Function that is called as soon as the configuration is known, with the
         configuration and the input files with their records. It should raise InputError
@@ -115,7 +122,8 @@ def record_stage(
     ]
     reject_mixture(inputs)
 
-    # Collect the first entries of the record.
+    # Collect the first entries of the record, which identify the stage. Only runs
+    # belong to a bench test.
     heading: dict[str, Any] = {"verb": verb}
     if runs:
         heading["apparatus"] = apparatus or _first_entry(inputs, "apparatus")
@@ -140,13 +148,13 @@ def record_stage(
 def note_config(config: Config) -> None:
     """Store the whole configuration in the current stage, if there is one.
 
-    The record of the stage is discarded, so that the next file gets a record with these
-    settings.
+    Files that are written after this call get a record with the settings of this
+    configuration. A stage that changes its configuration must call this function again.
 
     Parameters
     ----------
     config : mapping
-        The resolved configuration. Files written from now on record its settings.
+        The configuration, with all defaults filled in.
 
     Raises
     ------
@@ -156,11 +164,13 @@ def note_config(config: Config) -> None:
     current_stage = _current_stage.get()
     if current_stage is None:
         return
-    # Only check the first configuration, because a stage may later use a changed one.
+    # Only check the first configuration. Later ones are variants that the stage makes
+    # itself, which may differ from that of the input files.
     if current_stage.config is None and current_stage.check is not None:
         current_stage.check(config, current_stage.inputs)
     current_stage.config = config
-    # The next file that is written makes a new record.
+    # Discard the record with the earlier settings. `get_current_record` makes a new one
+    # for the next file.
     current_stage.record = None
 
 
@@ -178,7 +188,9 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
     """Make the record of a stage.
 
     Its entry ``origin`` is a hash of the stage, its settings, the engine and the
-    origins of its input files. Results with the same origin are therefore equal.
+    origins of its input files. Results with the same origin are therefore equal. Any
+    change of what is hashed here changes the origin of all later results, so that they
+    do not match stored ones.
 
     Parameters
     ----------
@@ -190,14 +202,16 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
     dict
         The entries of the record.
     """
-    # Simulated runs come from the current engine. The engine of other results is that
-    # in the records of their input files.
+    # Simulated runs come from the current engine. Other results have the engine of
+    # their input files. `reject_mixture` has checked that it is the same in all of
+    # them, so take the first one.
     if current_stage.simulates:
         engine = engine_hash()
     else:
         engine = _first_entry(current_stage.inputs, "engine")
 
-    # The settings are unknown if the stage has read no configuration.
+    # Select the settings that the stage reads, in the form in which a file has them.
+    # They are unknown if the stage has read no configuration.
     settings = None
     seed = None
     if current_stage.config is not None:
@@ -238,10 +252,12 @@ def _first_entry(inputs: Inputs, key: str) -> Any:
 
 
 def reject_mixture(inputs: Inputs) -> None:
-    """Refuse input files that do not belong together.
+    """Raise an InputError if input files of a stage do not belong together.
 
-    Results must come from one engine. Runs of a bench test become rows of one table, so
-    they must share one origin. A file without a record is not compared.
+    All files must come from the same engine, the code that simulates. Runs that the
+    same stage made in the same bench test become rows of one table. They must also have
+    the same origin, which is a hash of their settings and input files. A file without a
+    record is not checked.
 
     Parameters
     ----------
@@ -261,7 +277,8 @@ def reject_mixture(inputs: Inputs) -> None:
         if record is None:
             continue
 
-        # A result that does not depend on runs has no engine.
+        # A result that does not depend on runs has no engine. The first file with an
+        # engine is compared with itself.
         engine = record.get("engine")
         if engine:
             first_engine = first_engine or (engine, path)
@@ -273,8 +290,8 @@ def reject_mixture(inputs: Inputs) -> None:
                 requirement="results of one engine",
             )
 
-        # Only the record of a run names its bench test. Runs of one stage and one bench
-        # test belong to the same group.
+        # Only the record of a run names its bench test. Runs of one stage (`verb`) and
+        # one bench test (`apparatus`) belong to the same group.
         if "apparatus" in record:
             group = (record["verb"], record["apparatus"])
             origin = record["origin"]

@@ -67,6 +67,8 @@ class StrictLoader(yaml.SafeLoader):
             If a key is repeated, or is neither text nor number. The message names its
             line.
         """
+        # Check the keys first: PyYAML's own method, which is called below, would keep
+        # the last of several equal keys. It also replaces the keys `<<`.
         earlier_keys = set()
         for key_node, _ in node.value:
             # Skip the key `<<`. The mapping may repeat keys that are copied by it.
@@ -207,11 +209,13 @@ def parse_yaml(text: str, name: str) -> Any:
 def _parse_cached(text: str, name: str) -> Any:
     """Parse YAML and cache the value, which the caller must not change.
 
-    Every error of PyYAML is raised again as an InputError.
+    `parse_yaml` returns a copy of it. Every error of PyYAML is raised again as an
+    InputError.
     """
     try:
         return _construct_document(text, name)
     except InputError:
+        # Raise it unchanged. It is a ValueError, so the last clause would catch it.
         raise
     except yaml.MarkedYAMLError as error:
         raise _describe_syntax_error(error, text, name) from None
@@ -235,7 +239,7 @@ def _construct_document(text: str, name: str) -> Any:
     text : str
         The document.
     name : str
-        Its file, for messages.
+        Name of its file, for messages.
 
     Returns
     -------
@@ -254,7 +258,8 @@ def _construct_document(text: str, name: str) -> Any:
         if node is None:
             return None
         # A few lines with nested aliases can stand for more than the memory can hold.
-        n_characters = _count_characters(node, {})
+        # Count before the values are made. The counts of nodes are cached in the dict.
+        n_characters = _count_characters(node, counts={})
         if n_characters > MAX_CHARACTERS:
             raise InputError(
                 name,
@@ -270,21 +275,21 @@ def _construct_document(text: str, name: str) -> Any:
 def _describe_syntax_error(
     error: yaml.MarkedYAMLError, text: str, name: str
 ) -> InputError:
-    """Describe an error of syntax, with advice for common mistakes.
+    """Describe a syntax error, with advice for common mistakes.
 
     Parameters
     ----------
     error : yaml.MarkedYAMLError
-        The error of PyYAML. It may lack a line.
+        The exception that PyYAML raised. It may lack a line.
     text : str
         The YAML.
     name : str
-        Its file, for the message.
+        Name of its file, for the message.
 
     Returns
     -------
     InputError
-        The fault, which names the line if it is known.
+        The error to raise, which names the line if it is known.
     """
     line_number = error.problem_mark.line + 1 if error.problem_mark else 0
     problem = error.problem or ""
@@ -301,6 +306,8 @@ def _describe_syntax_error(
             allowed="KEY: VALUE, with a space after the colon",
         )
 
+    # Recognise two common mistakes by the words of PyYAML: a backslash in double quotes
+    # begins an "unknown escape character", and a tab is the "character '\t'".
     if "escape" in problem:
         allowed = r"a path in single quotes, as in 'C:\data\sizes.csv'"
     elif r"'\t'" in problem:
@@ -348,6 +355,8 @@ def _is_complete_document(text: str) -> bool:
 def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
     """Count the characters of a node, with every alias replaced by its value.
 
+    Each node counts as one more character, so that many empty values are large, too.
+
     Parameters
     ----------
     node : yaml.Node
@@ -363,7 +372,8 @@ def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
     # An alias of this value was counted before.
     if id(node) in counts:
         return counts[id(node)]
-    # Inside the value, let an alias of the value itself count as 0.
+    # A value may contain an alias of itself. Store 0 before its parts are counted, so
+    # that the recursion ends there.
     counts[id(node)] = 0
     if isinstance(node, yaml.ScalarNode):
         n_characters = 1 + len(node.value)

@@ -20,7 +20,7 @@ from repose.common.places import PACKAGE
 # Modules and packages that do not compute any numbers. They read and write files,
 # report faults, or choose what runs. Editing them makes no rule run again, unless a
 # developer forces it.
-WITHOUT_NUMBERS = (
+IGNORED_MODULES = (
     "repose",
     "repose.cli",
     "repose.common",
@@ -28,7 +28,7 @@ WITHOUT_NUMBERS = (
 )
 # Version of the form in which summaries are stored. Summaries of another version are
 # not used.
-SUMMARY_FORMAT = b"3"
+SUMMARY_FORMAT = b"4"
 DATA_SUFFIXES = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
 # Largest number of stored summaries of files: enough for a few versions of the package.
 MAX_SUMMARIES = 1500
@@ -44,7 +44,10 @@ _new_keys: list[str] = []
 
 @cache
 def code_hash(*modules: str, follow_imports: bool = True) -> str:
-    """Hash the code that modules consist of and depend on.
+    """Hash the code of modules, and of the modules that they depend on.
+
+    The results of this function and of those that it calls are cached, so a process
+    does not notice a change of the code while it runs.
 
     Parameters
     ----------
@@ -52,12 +55,14 @@ def code_hash(*modules: str, follow_imports: bool = True) -> str:
         Dotted names below `repose` of modules or packages, such as ``stages.dataset``
         or ``measure``. A package stands for all its modules.
     follow_imports : bool, optional
-        Whether to include the modules that they import, directly or indirectly.
+        Whether to include all modules that the given modules import, directly or
+        indirectly.
 
     Returns
     -------
     str
-        16 hexadecimal digits.
+        The hash, as 16 hexadecimal digits. Stored results have the same form, so the
+        number of digits must not change.
 
     Raises
     ------
@@ -71,6 +76,8 @@ def code_hash(*modules: str, follow_imports: bool = True) -> str:
     digest = hashlib.sha256()
     for name in sorted(names):
         digest.update(f"{name} {_hash_module(name)}\n".encode())
+    # `_hash_module` has parsed files that are new to the cache on disk. Store what was
+    # found, so that the next process need not parse them again.
     store_new_summaries()
     return digest.hexdigest()[:16]
 
@@ -82,16 +89,15 @@ def find_dependencies(*modules: str) -> frozenset[str]:
     Parameters
     ----------
     *modules : str
-        Dotted names below `repose`, as for `code_hash`.
+        Names of modules or packages without the leading `repose.`, such as
+        ``stages.dataset``.
 
     Returns
     -------
     frozenset of str
-        Full dotted names, without `WITHOUT_NUMBERS`.
+        Full names, such as ``repose.stages.dataset``, without `IGNORED_MODULES`.
     """
-    new_modules = {
-        name for name in _expand_packages(modules) if not computes_nothing(name)
-    }
+    new_modules = {name for name in _expand_packages(modules) if not is_ignored(name)}
     found_modules: set[str] = set()
     # In each round, follow the imports of the modules that the previous round found.
     while new_modules:
@@ -113,11 +119,11 @@ def _expand_packages(names: Iterable[str]) -> list[str]:
 
 
 @cache
-def computes_nothing(module: str) -> bool:
-    """Tell whether `WITHOUT_NUMBERS` lists a module, or a package around it."""
-    if module in WITHOUT_NUMBERS:
+def is_ignored(module: str) -> bool:
+    """Tell whether `IGNORED_MODULES` lists a module, or a package around it."""
+    if module in IGNORED_MODULES:
         return True
-    packages = (name for name in WITHOUT_NUMBERS if name != "repose")
+    packages = (name for name in IGNORED_MODULES if name != "repose")
     return any(module.startswith(f"{package}.") for package in packages)
 
 
@@ -165,16 +171,16 @@ def _find_needed_modules(module: str) -> frozenset[str]:
     """
     package = module.rpartition(".")[0]
     needed = {package, *_find_imported_modules(module)}
-    return frozenset(name for name in needed if not computes_nothing(name))
+    return frozenset(name for name in needed if not is_ignored(name))
 
 
 def _find_imported_modules(module: str) -> set[str]:
     """Find the modules of `repose` that a module imports when it runs.
 
-    Imports inside functions count, but imports only for type checkers do not. An import
-    from a package counts for the package, and for the imported name if that is a
-    module. A module that imports others by computed names, as a table of laws does,
-    depends on its whole package.
+    Imports inside functions count, but imports only for type checkers do not. The
+    statement ``from a import b`` counts as an import of the package a, and also of the
+    module a.b if there is one. Some modules import others by names that they compute.
+    Such a module depends on all modules of its package.
 
     Parameters
     ----------
@@ -192,7 +198,7 @@ def _find_imported_modules(module: str) -> set[str]:
     names = {
         _resolve_import(name, level, package) for level, name in summary["imports"]
     }
-    if summary["imports_by_name"]:
+    if summary["has_dynamic_imports"]:
         names.update(_list_modules_of(package))
 
     # Leave out other libraries, and imported names that are not modules.
@@ -268,12 +274,14 @@ def _hash_module(module: str) -> str:
     -------
     str
         Hashes, separated by spaces: first that of the code, then those of the data
-        files in alphabetical order.
+        files in alphabetical order. Their order is part of all stored hashes.
     """
     file = _find_file(module)
     content = _read_source(file)
-    hashes = [_summarise_file(file)["code"]]
+    code_hash_of_file = _summarise_file(file)["code"]
+    hashes = [code_hash_of_file]
     for name in _list_data_files(file.parent):
+        # The module mentions a data file if the name is anywhere in its source.
         if name.encode() in content:
             data = (file.parent / name).read_bytes()
             hashes.append(hashlib.sha256(data).hexdigest())
@@ -296,7 +304,8 @@ def _list_data_files(folder: Path) -> list[str]:
 def _summarise_file(file: Path) -> dict[str, Any]:
     """Hash the code of a file, and list its imports.
 
-    A file is parsed only once; later calls use the stored summary.
+    A file is parsed only once. Later calls in the same process use the cache of this
+    function, and later processes the summary that `store_new_summaries` has stored.
 
     Parameters
     ----------
@@ -306,12 +315,13 @@ def _summarise_file(file: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``code``: a hash. ``imports``: pairs of a level and a dotted name; the level is
-        0 for an absolute import. ``imports_by_name``: whether the file calls
-        `importlib.import_module`.
+        ``code``: a hash of the code. ``imports``: pairs of a level and a dotted name;
+        the level is 0 for an absolute import. ``has_dynamic_imports``: whether the file
+        calls `importlib.import_module`.
     """
     content = _read_source(file)
-    # The key changes with the file and with the form of the summaries.
+    # The key changes with the file and with the form of the summaries. A developer who
+    # changes what a summary contains must therefore change `SUMMARY_FORMAT`.
     key = hashlib.sha256(SUMMARY_FORMAT + content).hexdigest()
     summaries = _load_stored_summaries()
     if key not in summaries:
@@ -324,14 +334,14 @@ def _parse_and_summarise(content: bytes) -> dict[str, Any]:
     """Parse the content of a file and make its summary, as in `_summarise_file`."""
     tree = ast.parse(content)
     imports = _list_imports(tree)
-    imports_by_name = any(map(_is_import_by_name, _walk_runtime_nodes(tree)))
+    has_dynamic_imports = any(map(_is_dynamic_import, _walk_runtime_nodes(tree)))
 
     # Hash the code last, because the visitor changes the tree.
     code = ast.dump(_NumbersOnly().visit(tree))
     return {
         "code": hashlib.sha256(code.encode()).hexdigest(),
         "imports": imports,
-        "imports_by_name": imports_by_name,
+        "has_dynamic_imports": has_dynamic_imports,
     }
 
 
@@ -342,21 +352,22 @@ def _list_imports(tree: ast.Module) -> list[tuple[int, str]]:
     -------
     list of (int, str)
         The number of dots before a dotted name, and the name. In ``from a import b``, b
-        may be a module of the package a, or a name in it; both a and a.b are listed.
+        may be a module of the package a, or a name in it. Both a and a.b are listed,
+        and `_find_imported_modules` leaves out what is no module.
     """
     imports: set[tuple[int, str]] = set()
     for node in _walk_runtime_nodes(tree):
         if isinstance(node, ast.Import):
             imports.update((0, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            source = node.module or ""
-            prefix = f"{source}." if source else ""
-            imports.add((node.level, source))
+            imported_from = node.module or ""
+            prefix = f"{imported_from}." if imported_from else ""
+            imports.add((node.level, imported_from))
             imports.update((node.level, prefix + alias.name) for alias in node.names)
     return sorted(imports)
 
 
-def _is_import_by_name(node: ast.AST) -> bool:
+def _is_dynamic_import(node: ast.AST) -> bool:
     """Tell whether a node is a call of `importlib.import_module`."""
     if not isinstance(node, ast.Call):
         return False
@@ -365,16 +376,20 @@ def _is_import_by_name(node: ast.AST) -> bool:
 
 
 def _walk_runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:
-    """Yield the nodes of a module, except those below ``if TYPE_CHECKING:``."""
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
+    """Yield the nodes of a module, except those below ``if TYPE_CHECKING:``.
+
+    The condition must have exactly this form, as everywhere in this project. The form
+    ``typing.TYPE_CHECKING`` is not recognised.
+    """
+    stack: list[ast.AST] = [tree]
+    while stack:
+        node = stack.pop()
         yield node
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             # Skip the branch for type checkers, and continue with the `else` branch.
-            waiting.extend(node.orelse)
+            stack.extend(node.orelse)
         else:
-            waiting.extend(ast.iter_child_nodes(node))
+            stack.extend(ast.iter_child_nodes(node))
 
 
 def _find_store() -> Path:
@@ -399,10 +414,11 @@ def _load_stored_summaries() -> dict[str, dict[str, Any]]:
 
 
 def store_new_summaries() -> None:
-    """Store the new summaries in the user's cache folder, for later calls.
+    """Store the new summaries in the user's cache folder, for later processes.
 
-    If the folder cannot be written, nothing is stored, because the summaries only save
-    time.
+    `_summarise_file` has added them to the result of `_load_stored_summaries`, which is
+    cached, and their keys to `_new_keys`. If the folder cannot be written, nothing is
+    stored. This is no error, because the summaries only save time.
     """
     if not _new_keys:
         return
@@ -417,5 +433,6 @@ def store_new_summaries() -> None:
         new_path.write_text(json.dumps(newest), encoding="utf-8")
         new_path.replace(path)
     except (OSError, RuntimeError):
+        # Python raises RuntimeError if it cannot find the home folder.
         return
     _new_keys.clear()

@@ -31,7 +31,8 @@ FAILURE_CLAUSES = {
     "no_pile": "the particles made no pile with two sides",
     "failed": "the program marked the run as failed",
 }
-# A number of runs with a status, as in the column `reason`.
+# A number of runs with a status, as in the column `reason`. The groups are the number
+# with the word "runs", and the status.
 _COUNTED_RUNS = re.compile(r"\b(\d+ (?:of \d+ )?runs) (\w+)")
 
 
@@ -63,13 +64,18 @@ def describe_failures(counts: Mapping[str, int], verb: str) -> str:
 
 
 def replace_statuses(reason: str) -> str:
-    """Replace each status in a cell of the column `reason` by the clause for it."""
+    """Replace each status in a cell of the column `reason` by a description.
 
-    def write_clause(match: re.Match[str]) -> str:
-        """Return the number of runs and the clause; leave unknown words unchanged."""
+    For example, ``2 of 5 runs jammed`` becomes ``2 of 5 runs failed because grains got
+    stuck on their way out``.
+    """
+
+    def describe_match(match: re.Match[str]) -> str:
+        """Return the number of runs and the description of their status."""
         runs, status = match.groups()
+        # Leave words unchanged that are no status.
         if status not in FAILURE_CLAUSES:
             return match[0]
         return f"{runs} {describe_failure(status)}"
 
-    return _COUNTED_RUNS.sub(write_clause, reason)
+    return _COUNTED_RUNS.sub(describe_match, reason)

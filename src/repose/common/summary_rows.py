@@ -15,6 +15,8 @@ import numpy as np
 # this many of these rows, and at least this many columns to compare.
 MIN_ROWS_ABOVE = 3
 MIN_SUMMARY_COLUMNS = 3
+# A column of parameters is compared only if it has at least this many different values.
+MIN_DIFFERENT_VALUES = 3
 # The standard deviation of a compared column must be at least this many units of the
 # last digit. In a coarser column, an ordinary row may equal the rounded mean by chance.
 MIN_UNITS_OF_SCATTER = 5.0
@@ -39,7 +41,9 @@ class SummaryRow(NamedTuple):
 
 
 def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
-    """Find a row at the end of a table that has a statistic of the rows above it.
+    """Find a row at the end of a table that is a statistic of the rows above it.
+
+    Such a row has, for example, the means of all columns.
 
     Parameters
     ----------
@@ -53,14 +57,18 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
 
     Notes
     -----
-    A summary row equals the same statistic in every column that is compared, to all the
-    digits that it prints. A row that repeats an earlier row is not a summary. Columns
-    with few different values are not compared, because they belong to the design of an
-    experiment, whose centre equals the mean and whose corners equal the extremes. The
-    parameters of repeated runs also have few different values, but many if each
-    parameter set is counted once.
+    A summary row equals the same statistic (`STATISTICS`) in every column that is
+    compared, to all the digits that it prints. A row that repeats an earlier row is not
+    a summary.
+
+    A column with few different values is usually not compared, because it may belong to
+    the design of an experiment. The point in the centre of a design equals the mean of
+    all points, and its corners equal the minimum and the maximum, but these points are
+    no summaries. Columns of parameters are an exception. They also have few different
+    values if each parameter set was run several times. Such a column is compared if it
+    has many different values once each parameter set is counted only once.
     """
-    # Read the cells as an array (rows, columns) of numbers.
+    # Read the cells as an array of numbers with a row for each row of the table.
     cells_of_columns = list(columns.values())
     n_rows = len(cells_of_columns[0]) if cells_of_columns else 0
     numbers = np.full((n_rows, len(cells_of_columns)), math.nan)
@@ -80,7 +88,9 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
 def _find_equal_statistic(
     row: np.ndarray, rows_above: np.ndarray, last_digits: Sequence[float]
 ) -> str:
-    """Find the statistic of the rows above that a row equals in every column.
+    """Find a statistic that a row equals in every column that is compared.
+
+    The statistics are those of the rows above.
 
     Parameters
     ----------
@@ -105,11 +115,13 @@ def _find_equal_statistic(
     if is_equal.all(axis=1).any():
         return ""
 
+    # The difference may be half a unit of the last digit, because the row is rounded,
+    # and the rounding error of a sum.
     for name, compute in STATISTICS.items():
         is_close = []
         for column in compared_columns:
-            numbers = rows_above[:, column]
-            numbers = numbers[np.isfinite(numbers)]
+            all_numbers = rows_above[:, column]
+            numbers = all_numbers[np.isfinite(all_numbers)]
             difference = abs(compute(numbers) - row[column])
             sum_error = SUM_ERROR_FRACTION * np.abs(numbers).max()
             is_close.append(
@@ -125,6 +137,9 @@ def _find_compared_columns(
 ) -> list[int]:
     """Find the columns in which a row is compared with the statistics of the rows above.
 
+    These are columns of measured numbers, and columns of parameters that vary enough
+    between the parameter sets (see `find_summary_row`).
+
     Parameters
     ----------
     row : ndarray, (columns,)
@@ -137,13 +152,15 @@ def _find_compared_columns(
     Returns
     -------
     list of int
-        The columns whose numbers vary enough.
+        The positions of the columns: first the measured ones, then the parameters.
     """
     counts = np.isfinite(rows_above).sum(axis=0)
     different_counts = np.array(
         [len(set(column[np.isfinite(column)])) for column in rows_above.T]
     )
-    scatters = np.array(
+    # A column can only be compared if the row has a number in it, if there are enough
+    # numbers above, and if these numbers scatter by more than they are rounded.
+    is_comparable = np.array(
         [
             math.isfinite(row[k])
             and counts[k] >= MIN_ROWS_ABOVE
@@ -153,29 +170,34 @@ def _find_compared_columns(
         dtype=bool,
     )
 
-    # In a measured column most numbers differ. A column of a design has few levels.
+    # In a measured column, more than half of the numbers differ. In all other columns,
+    # few numbers do: these are the levels of a design, or parameters.
     is_measured = 2 * different_counts > counts
-    measured_columns = np.flatnonzero(scatters & is_measured)
+    measured_columns = np.flatnonzero(is_comparable & is_measured)
 
-    # Repeated runs of a set repeat its parameters, so count each set only once.
+    # Runs with the same parameter set have equal numbers in all columns that are not
+    # measured. Count the different parameter sets by comparing the bytes of these
+    # numbers. A column of parameters then has different numbers in more than half of
+    # the sets.
     n_sets = len({values.tobytes() for values in rows_above[:, ~is_measured]})
-    differs_between_sets = (different_counts >= MIN_ROWS_ABOVE) & (
+    differs_between_sets = (different_counts >= MIN_DIFFERENT_VALUES) & (
         2 * different_counts > n_sets
     )
-    # The centre of a design equals its mean on purpose.
+    # The point in the centre of a design equals the mean because it was chosen so. A
+    # number in the middle between the extremes is therefore no sign of a summary.
     is_centre = np.array(
         [
-            scatter
+            comparable
             and abs(_compute_middle(rows_above[:, k]) - row[k]) <= last_digits[k]
-            for k, scatter in enumerate(scatters)
+            for k, comparable in enumerate(is_comparable)
         ],
         dtype=bool,
     )
-    is_parameter = scatters & ~is_measured & differs_between_sets & ~is_centre
+    is_parameter = is_comparable & ~is_measured & differs_between_sets & ~is_centre
     parameter_columns = np.flatnonzero(is_parameter)
 
-    # A further run of an earlier set repeats its parameters, which therefore say
-    # nothing.
+    # If the row has the parameters of an earlier row, it is a further run of the same
+    # set. Its parameters cannot show whether it is a summary, so leave them out.
     is_same = rows_above[:, parameter_columns] == row[parameter_columns]
     if is_same.all(axis=1).any():
         return measured_columns.tolist()

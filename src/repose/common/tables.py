@@ -1,7 +1,11 @@
 """Read tables that users write: measured sizes, runs of a simulator, profiles.
 
 A table is CSV, as spreadsheets and other programs write it. A reader declares its
-columns (`Column`), and all faults of a table are reported at once.
+columns (`Column`), and all invalid cells of a table are reported at once. A single
+invalid cell is called a fault.
+
+Many functions have a parameter `what`. It is a description of the expected file, such
+as "a CSV file", for messages about a file that is something else.
 """
 
 import csv
@@ -56,7 +60,7 @@ class CellFault(NamedTuple):
 TABLE = "a CSV file"
 COMMENT_SIGN = "#"
 UNNAMED = "the column without a name"
-UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 SEPARATORS = ",;\t"
 # In a table from Excel, the first line may state the character that separates the
 # cells.
@@ -98,7 +102,7 @@ class Column:
     low, high : float
         Smallest and largest allowed number.
     above : bool
-        Whether a number must be larger than `low` and not equal to it.
+        Whether `low` itself is not allowed, so that a number must be larger than it.
     may_be_empty : bool
         Whether a cell may be empty; an empty number is read as NaN.
     once : bool
@@ -134,6 +138,7 @@ class Column:
     def _describe_allowed_numbers(self) -> str:
         """Describe the kind of number and its bounds, as in ``a number above 0``."""
         bounds = ""
+        # With `above`, the lower bound itself is not allowed.
         if math.isfinite(self.low):
             preposition = "above" if self.above else "from"
             bounds += f" {preposition} {self.low:g}"
@@ -146,7 +151,7 @@ class Column:
         return f"a number{bounds}" if bounds else "a finite number"
 
     def read(self, cell: Any) -> Any:
-        """Convert a cell to a value of the column.
+        """Convert a cell to a value of the column, and check it.
 
         Parameters
         ----------
@@ -156,14 +161,15 @@ class Column:
         Returns
         -------
         object
-            A value of the column's kind. An empty cell of a column of numbers or
-            booleans becomes NaN.
+            A value of the column's kind. Text is returned unchanged. If cells may be
+            empty, an empty cell of a column of numbers or booleans becomes NaN.
 
         Raises
         ------
         ValueError, TypeError
             If the cell is not allowed.
         """
+        # The kind `object` declares a column without checking its cells.
         if self.kind is object:
             return cell
         if self.kind is str:
@@ -183,10 +189,10 @@ class Column:
         An integer may be written as 3.0.
         """
         number = parse_number(cell)
-        is_allowed = self._is_inside(number)
+        is_valid = self._is_inside(number)
         if self.kind is int:
-            is_allowed = is_allowed and number.is_integer()
-        if not is_allowed:
+            is_valid = is_valid and number.is_integer()
+        if not is_valid:
             raise ValueError(f"{cell!r} is not {self.allowed}")
         return int(number) if self.kind is int else number
 
@@ -307,17 +313,19 @@ def read(
     columns : iterable of str or Column
         Columns that the table must have, except a `Column` that is not `needed`. A
         column that is given as `Column` is declared: its cells are converted to values.
+        Of any other column, only the name is required.
     what : str
-        What the file should be, for messages.
+        Description of the expected file, for messages.
     is_number_column : callable
         Function that tells from the cells of an undeclared column whether it holds
-        numbers. If it does, each of its cells must be a number. A cell may also be
-        empty, unless the column numbers the rows.
+        numbers. If it does, each of its cells must be a number or empty. In a column
+        that seems to contain row numbers, a cell must not be empty.
     optional : iterable of str
-        Names of other columns that the table may have.
+        Names of other columns that the table may have. A column whose name differs only
+        in form gets the name from this list.
     find_unused_rows : callable, optional
-        Finds from the cells the rows whose numbers the caller does not use. They are
-        not compared with the rows above them.
+        Function that gets the cells as text, and returns the rows whose numbers the
+        caller does not use. The check for a row that sums up the others ignores them.
 
     Returns
     -------
@@ -344,6 +352,8 @@ def read(
     table.text = table.text.rename(columns=new_names)
     require_columns(path, table.text, needed_names, what)
 
+    # Check the cells, and complete the table with their values. A column that is not
+    # declared keeps its text.
     unused_rows = () if find_unused_rows is None else find_unused_rows(table.text)
     values = _convert_and_check(
         path, table.text, declared, is_number_column, unused_rows
@@ -397,7 +407,7 @@ def _convert_and_check(
         if name not in declared
     ]
     _, other_faults = convert_columns(cells, undeclared)
-    summary_faults = _find_summary_faults(cells, declared, unused_rows)
+    summary_faults = _find_summary_row_fault(cells, declared, unused_rows)
     refuse(path, [*faults, *other_faults, *summary_faults])
     return values
 
@@ -432,7 +442,7 @@ def _describe_undeclared_column(
 def convert_columns(
     cells: Mapping[str, Sequence[Any]],
     columns: Iterable[Column],
-    left_out: Collection[int] = (),
+    skipped_rows: Collection[int] = (),
 ) -> tuple[dict[str, list[Any]], list[Fault]]:
     """Convert the cells of declared columns to values, and list the invalid cells.
 
@@ -442,15 +452,16 @@ def convert_columns(
         The cells by column. Declared columns that are missing here are skipped.
     columns : iterable of Column
         The columns to read.
-    left_out : collection of int
-        Rows to skip. Their values are NaN.
+    skipped_rows : collection of int
+        Rows whose cells are neither converted nor checked. Their values are NaN.
 
     Returns
     -------
     values : dict of str to list
         The values of each column; NaN for an invalid cell.
     faults : list of Fault
-        The invalid cells, for `refuse`.
+        The invalid cells, column by column. The function `refuse` of this module raises
+        them as errors.
     """
     values: dict[str, list[Any]] = {}
     faults: list[Fault] = []
@@ -458,14 +469,14 @@ def convert_columns(
         if column.name not in cells:
             continue
         column_cells = list(cells[column.name])
-        column_values, column_faults = _read_column(column, column_cells, left_out)
+        column_values, column_faults = _read_column(column, column_cells, skipped_rows)
         values[column.name] = column_values
         faults += column_faults
     return values, faults
 
 
 def refuse(source: object, faults: Iterable[Fault]) -> None:
-    """Raise all faults of a table at once, in the order of its rows.
+    """Raise all invalid cells of a table as one error, in the order of its rows.
 
     Parameters
     ----------
@@ -492,28 +503,35 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
 
 
 def require_columns(
-    path: object, table: Iterable[str], columns: Iterable[str], what: str = TABLE
+    path: object,
+    column_names: Iterable[str],
+    required: Iterable[str],
+    what: str = TABLE,
 ) -> None:
-    """Raise InputError if a table lacks one of these columns.
+    """Raise an InputError if a table lacks one of the required columns.
 
     Parameters
     ----------
     path : object
         The file of the table, for messages.
-    table : iterable of str
+    column_names : iterable of str
         The names of its columns.
-    columns : iterable of str
+    required : iterable of str
         Names that it must have.
     what : str
-        What the table should be, for messages.
+        Description of the expected table. The message names it, unless it is the
+        general `TABLE`.
     """
-    found = [str(name) for name in table]
-    needed = tuple(columns)
+    found = [str(name) for name in column_names]
+    required_names = tuple(required)
     description = "" if what == TABLE else f" of {what}"
-    for name in needed:
+    for name in required_names:
         if name in found:
             continue
-        allowed = f"columns {', '.join(needed)}{description}; found: {', '.join(found)}"
+        allowed = (
+            f"columns {', '.join(required_names)}{description}; "
+            f"found: {', '.join(found)}"
+        )
         # Point out a column whose name only looks like the missing one.
         for other in found:
             allowed += _explain_difference(name, other)
@@ -555,9 +573,10 @@ def _explain_difference(name: str, other: str) -> str:
 def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     """Describe each column of numbers in a line: count, mean and range.
 
-    A subcommand prints these lines to show what it has read from a table. Some programs
-    write the same extreme number for every failed run. Therefore the line also has the
-    count of an extreme that is repeated while most other numbers are not.
+    A subcommand prints these lines to show what it has read from a table. Columns with
+    a cell that is not a number are left out. Some programs write the same extreme
+    number for every failed run. `_describe_extreme` therefore adds to the minimum or
+    maximum how often it occurs, if it is repeated while most other numbers are not.
 
     Parameters
     ----------
@@ -589,7 +608,7 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
 
 
 def _describe_extreme(numbers: np.ndarray, value: float) -> str:
-    """Write an extreme of a column, with its count if only this number is repeated.
+    """Format an extreme of a column, with its count if only this number is repeated.
 
     Parameters
     ----------
@@ -608,12 +627,12 @@ def _describe_extreme(numbers: np.ndarray, value: float) -> str:
 def describe_unread(
     columns: Mapping[str, Sequence[Any]], hint_if_few: str
 ) -> dict[str, str]:
-    """Describe the values of columns that are not read, except constant columns.
+    """Describe the values of columns that no one reads, except constant columns.
 
     Parameters
     ----------
     columns : mapping of str to sequence
-        The cells by column.
+        The cells of the columns that the reader of the table ignores.
     hint_if_few : str
         Text to append for a column with few different values. Such a column may show
         which runs failed.
@@ -622,27 +641,29 @@ def describe_unread(
     -------
     dict of str to str
         A sentence for each column, such as ``column done is not read; it has 'True' 12
-        times, 'False' 4 times``. If there are more than `MAX_DESCRIBED_COLUMNS`
-        columns, the key "" has a sentence with the number of the others.
+        times, 'False' 4 times``. A column without a name has the key `UNNAMED`. If
+        there are more than `MAX_DESCRIBED_COLUMNS` columns, the key "" has a sentence
+        with the number of the others.
     """
     sentences: dict[str, str] = {}
-    n_undescribed = 0
+    n_further_columns = 0
     for name, cells in columns.items():
         counts = Counter("" if is_missing(cell) else str(cell) for cell in cells)
         is_constant = len(counts) < 2
         if is_constant:
             continue
         if len(sentences) == MAX_DESCRIBED_COLUMNS:
-            n_undescribed += 1
+            n_further_columns += 1
             continue
+        # If all values differ, they are no categories, even if they are few.
         has_few_values = len(counts) <= MAX_SHOWN_VALUES and len(counts) < len(cells)
         hint = hint_if_few if has_few_values else ""
         described_name = f"column {name}" if name else UNNAMED
         sentences[name or UNNAMED] = (
             f"{described_name} is not read; it has {_list_frequent_values(counts)}{hint}"
         )
-    if n_undescribed:
-        sentences[""] = f"{n_undescribed} further columns are not read"
+    if n_further_columns:
+        sentences[""] = f"{n_further_columns} further columns are not read"
     return sentences
 
 
@@ -658,7 +679,7 @@ def _list_frequent_values(counts: "Counter[str]") -> str:
     -------
     str
         A list such as ``'True' 12 times, 'False' once``. At most `MAX_SHOWN_VALUES`
-        values are listed, and the others are counted.
+        values are listed. The end of the list states how many other values there are.
     """
     texts = []
     for value, count in counts.most_common(MAX_SHOWN_VALUES):
@@ -680,30 +701,32 @@ def read_sheet(
 ) -> Table:
     """Read the cells of a table as text.
 
-    The encoding is UTF-8, with or without a byte order mark, or UTF-16 with one.
-    Commas, semicolons or tabs separate the cells, or blanks if the header has none of
-    these. With semicolons and tabs a number may have a decimal comma. Lines that begin
-    with ``#`` are comments. Empty rows, empty columns without a name, and a first line
-    such as ``sep=;`` are left out.
+    The encoding is UTF-8, with or without a byte order mark, or UTF-16 with one. The
+    separator of the cells is found from the header. It is a comma, a semicolon or a
+    tab. If the header has none of them, blanks separate the cells. With semicolons and
+    tabs a number may have a decimal comma. Lines that begin with ``#`` are comments.
+    Empty rows, empty columns without a name, and a first line such as ``sep=;`` are
+    left out.
 
     Parameters
     ----------
     path : path
         The file.
     what : str
-        What it should be, for messages.
+        Description of the expected file, for messages.
     known_names : iterable of str
         Names of columns that its reader uses. They help to explain a missing header.
 
     Returns
     -------
     Table
-        The cells as text. Its `values` are empty.
+        The cells as text. Its `values` are empty; only `read` fills them.
 
     Raises
     ------
     InputError
-        If the file cannot be read as a table, lacks a header, or has a column twice.
+        If the file cannot be read as a table, lacks a header, or has two columns of the
+        same name.
     """
     lines, comments = _read_lines_and_comments(path, what)
     _require_header(path, lines, comments, known_names)
@@ -780,9 +803,11 @@ def _find_cause_of_missing_header(
     Returns
     -------
     str
-        The cause, with advice; empty if none was found.
+        The cause, with advice; empty if none was found. It follows "names of the
+        columns;" in a message, so "them" means these names.
     """
     # A single known name may also be a word of a title, or the first cell of a row.
+    # Therefore require two known names, or one if the reader knows only one.
     n_required_names = min(2, len(known))
     for comment in comments:
         text = comment.lstrip(f' "{COMMENT_SIGN}')
@@ -843,9 +868,11 @@ def _name_columns(
     kept_names = [names[column] for column in kept_columns]
     for name, count in Counter(kept_names).items():
         if count != 1:
-            cause = "" if name else f"; {count} columns with cells have no name"
+            # Columns without a name have the same empty name, which a message cannot
+            # show.
+            detail = "" if name else f"; {count} columns with cells have no name"
             raise InputError(
-                path, key="header", value=name, allowed=f"each column once{cause}"
+                path, key="header", value=name, allowed=f"each column once{detail}"
             )
     return cells[kept_columns].set_axis(kept_names, axis=1)
 
@@ -858,13 +885,13 @@ def _read_lines_and_comments(path: StrPath, what: str) -> tuple[list[str], list[
     path : path
         The file.
     what : str
-        What it should be, for messages.
+        Description of the expected file, for messages.
 
     Returns
     -------
     lines : list of str
-        All lines. An empty line replaces each comment, and a first line such as
-        ``sep=;``, so that the line numbers in messages remain correct.
+        All lines. Each comment is replaced by an empty line, so that the line numbers
+        in messages remain correct. So is a first line such as ``sep=;``.
     comments : list of str
         The lines that begin with ``#``.
     """
@@ -889,7 +916,9 @@ def read_text_rows(
 ) -> list[dict[str, str]]:
     """Read the cells of a table as text, without importing pandas.
 
-    Use it for a table that `read` has checked before. The cells are not checked again.
+    Use this function for a table that `read` has checked in an earlier process. The
+    cells are not checked again. Without pandas, which is slow to import, a process
+    starts faster.
 
     Parameters
     ----------
@@ -899,12 +928,13 @@ def read_text_rows(
         The declared columns. The table may write their names in another form
         (`match_column_names`).
     what : str
-        What the file should be, for messages.
+        Description of the expected file, for messages.
 
     Returns
     -------
     list of dict
-        For each row, the cells by the names of their columns.
+        For each row, the cells by the names of their columns. A row that is shorter
+        than the header lacks the last columns.
 
     Raises
     ------
@@ -915,9 +945,8 @@ def read_text_rows(
     declared = list(columns)
     new_names = match_column_names(header, [column.name for column in declared])
     names = [new_names.get(name, name) for name in header]
-    needed = [column.name for column in declared if column.needed]
-    require_columns(path, names, needed, what)
-    # A row may have fewer cells than the header.
+    required = [column.name for column in declared if column.needed]
+    require_columns(path, names, required, what)
     return [dict(zip(names, row, strict=False)) for row in rows]
 
 
@@ -929,13 +958,14 @@ def _split_rows(path: StrPath, what: str) -> list[list[str]]:
     path : path
         The file.
     what : str
-        What it should be, for messages.
+        Description of the expected file, for messages.
 
     Returns
     -------
     list of list of str
-        The cells of each row, without blanks around them. The first row is the header.
-        Empty rows are left out.
+        The cells of each row. Blanks around the text of a cell are removed, and each
+        series of blanks inside it becomes one space. The first row is the header. Empty
+        rows are left out.
 
     Raises
     ------
@@ -944,6 +974,8 @@ def _split_rows(path: StrPath, what: str) -> list[list[str]]:
     """
     lines, _ = _read_lines_and_comments(path, what)
     separator = _find_separator(_read_header(lines))
+    # If blanks separate the cells, the reader treats a series of them as one, because
+    # it skips blanks after the separator.
     reader = csv.reader(
         (f"{line.strip(' ')}\n" for line in lines),
         delimiter=" " if separator == BLANKS_PATTERN else separator,
@@ -962,7 +994,10 @@ def _split_rows(path: StrPath, what: str) -> list[list[str]]:
 def _require_complete_last_row(
     path: StrPath, last_line: str, separator: str, n_columns: int
 ) -> None:
-    """Refuse a file that ends within a row.
+    """Raise an InputError if a file ends within a row.
+
+    Separators inside quotes are counted, too. The check may then miss a file that was
+    cut off, but never rejects a complete one.
 
     Parameters
     ----------
@@ -984,7 +1019,7 @@ def _require_complete_last_row(
     # The last line may be the end of a quoted cell that spans several lines.
     is_within_quotes = last_line.count('"') % 2 == 1
     # Several blanks may separate two cells, so these cells cannot be counted here.
-    is_blank_separated = len(separator) > 1
+    is_blank_separated = separator == BLANKS_PATTERN
     if not last_line.strip() or is_within_quotes or is_blank_separated:
         return
     n_cells = last_line.count(separator) + 1
@@ -1005,7 +1040,7 @@ def read_text(path: StrPath, what: str) -> str:
     path : path
         The file.
     what : str
-        What it should be, for messages.
+        Description of the expected file, for messages.
 
     Returns
     -------
@@ -1017,13 +1052,15 @@ def read_text(path: StrPath, what: str) -> str:
     InputError
         If the file cannot be read, or is not text in one of these encodings.
     """
-    allowed = f"{what} in UTF-8, or in UTF-16 with its mark"
+    # A file that cannot be opened has no encoding, so that error only names `what`.
+    allowed = f"{what} in UTF-8, or in UTF-16 with a byte order mark"
     try:
         content = require_plain_file(path).read_bytes()
     except OSError as error:
         raise InputError(
             path, key="file", value=error.strerror, allowed=what
         ) from error
+    # The encoding "utf-8-sig" is UTF-8 with or without a byte order mark.
     encoding = "utf-16" if content.startswith(UTF_16_MARKS) else "utf-8-sig"
     try:
         text = content.decode(encoding)
@@ -1031,9 +1068,9 @@ def read_text(path: StrPath, what: str) -> str:
         raise InputError(
             path, key="table", value=str(error), allowed=allowed
         ) from error
-    # A text with zero bytes is UTF-16 without a byte order mark.
+    # A text with null bytes is probably UTF-16 without a byte order mark.
     if "\0" in text:
-        raise InputError(path, key="table", value="a byte of zero", allowed=allowed)
+        raise InputError(path, key="table", value="a null byte", allowed=allowed)
     return text
 
 
@@ -1066,7 +1103,7 @@ def _find_separator(header: str) -> str:
 
 
 def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.DataFrame":
-    """Split the text of a table into cells.
+    """Split the text of a table into cells, and leave out rows without content.
 
     Parameters
     ----------
@@ -1077,13 +1114,13 @@ def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.Dat
     separator : str
         The character that separates the cells, or `BLANKS_PATTERN`.
     what : str
-        What the file should be, for messages.
+        Description of the expected file, for messages.
 
     Returns
     -------
     pandas.DataFrame
-        The cells as strings without blanks around them. Row 0 is the header, the
-        columns are numbered, and rows without content are left out.
+        The cells as strings without whitespace around them. Row 0 is the header, and
+        the columns are numbered.
 
     Raises
     ------
@@ -1106,17 +1143,18 @@ def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.Dat
     except pd.errors.EmptyDataError:
         raise InputError(path, key="rows", value=0, allowed=what) from None
     except pd.errors.ParserError as error:
-        fault = str(error).strip().removeprefix("Error tokenizing data. C error: ")
+        # Such as "Expected 3 fields in line 5, saw 4", without pandas' beginning.
+        problem = str(error).strip().removeprefix("Error tokenizing data. C error: ")
         raise InputError(
             path,
             key="cells",
-            value=fault,
+            value=problem,
             allowed=f"{what} with as many cells in a row as in its header; "
-            "a decimal comma needs ; between the columns",
+            "if numbers have decimal commas, ; must separate the columns",
         ) from None
 
-    # Remove the blanks around each cell, and leave out rows in which all cells are
-    # empty.
+    # Remove the whitespace around each cell: `skipinitialspace` has removed only the
+    # spaces before it. Then leave out rows in which all cells are empty.
     cells = cells.map(str.strip)
     has_content = (cells != "").any(axis=1)
     cells = cells[has_content].reset_index(drop=True)
@@ -1126,7 +1164,7 @@ def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.Dat
 
 
 def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFrame":
-    """Replace the decimal commas of numbers by points.
+    """Replace the decimal commas of numbers by decimal points.
 
     Parameters
     ----------
@@ -1138,7 +1176,7 @@ def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFra
     Returns
     -------
     pandas.DataFrame
-        The cells with points.
+        The cells with decimal points.
 
     Raises
     ------
@@ -1152,8 +1190,8 @@ def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFra
     if not has_comma.to_numpy().any():
         return cells
 
-    # Refuse the first number with a point. The message also shows a number with a
-    # comma.
+    # If a number has a decimal point, `refuse` raises an error for the first such cell.
+    # The message also shows a number with a decimal comma.
     has_point = cells.map(
         lambda cell: DECIMAL_POINT_PATTERN.fullmatch(cell) is not None
     )
@@ -1164,7 +1202,10 @@ def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFra
             row,
             column=str(cells.columns[column]),
             value=cells.iat[row, column],
-            allowed=f"one decimal sign in the whole table; {first_with_comma} has a comma",
+            allowed=(
+                "the same decimal sign in the whole table, but "
+                f"{first_with_comma} has a comma"
+            ),
         )
         refuse(path, [fault])
 
@@ -1194,7 +1235,8 @@ def match_column_names(found: Iterable[str], declared: Iterable[str]) -> dict[st
     found_names = list(found)
     declared_names = set(declared)
 
-    # Normalise the declared names that the table lacks.
+    # Normalise the declared names that the table lacks. Readers declare no two names
+    # that differ only in form.
     missing_names = {
         normalise_name(name): name for name in declared_names.difference(found_names)
     }
@@ -1221,32 +1263,33 @@ def normalise_name(name: object) -> str:
 
 
 def _read_column(
-    column: Column, cells: Sequence[Any], left_out: Collection[int]
+    column: Column, cells: Sequence[Any], skipped_rows: Collection[int]
 ) -> tuple[list[Any], list[Fault]]:
     """Convert the cells of a column to values, and list the invalid cells.
 
     Parameters
     ----------
     column : Column
-        The declaration of the column.
+        The declaration of the column. If its values must differ (`once`), a cell that
+        repeats an earlier value is also invalid.
     cells : sequence
         The cells of the column.
-    left_out : collection of int
-        Rows to skip. Their values are NaN.
+    skipped_rows : collection of int
+        Rows whose cells are neither converted nor checked.
 
     Returns
     -------
     values : list
-        The value of each cell; NaN for an invalid cell.
+        The value of each cell. It is NaN for an invalid cell or a skipped row, even in
+        a column of integers or text.
     faults : list of Fault
-        The invalid cells. In a column whose values must differ, these are also cells
-        that repeat an earlier value.
+        The invalid cells.
     """
     values: list[Any] = []
     faults: list[Fault] = []
     for row, cell in enumerate(cells):
         value: Any = math.nan
-        if row not in left_out:
+        if row not in skipped_rows:
             try:
                 value = column.read(cell)
             except (TypeError, ValueError, OverflowError):
@@ -1336,13 +1379,15 @@ def _explain_form(column: Column, cell: Any) -> str:
 
 
 def is_missing(cell: Any) -> bool:
-    """Tell whether a cell is empty: an empty string, None, or NaN."""
+    """Tell whether a cell is empty: blank text, text such as "nan", None, or NaN."""
     if isinstance(cell, str):
         text = cell.strip()
         return not text or NAN_PATTERN.fullmatch(text) is not None
     if isinstance(cell, int | float):
+        # Only NaN differs from itself.
         return cell != cell
-    import pandas as pd
+    # Any other value may be one of the types that pandas uses for a missing value.
+    import pandas as pd  # slow to import
 
     return bool(pd.api.types.is_scalar(cell) and pd.isna(cell))
 
@@ -1355,7 +1400,7 @@ def _read_boolean(cell: Any) -> bool:
     return text == "true"
 
 
-def _find_summary_faults(
+def _find_summary_row_fault(
     cells: "pd.DataFrame",
     declared: Mapping[str, Column],
     unused_rows: Collection[int],
@@ -1370,17 +1415,21 @@ def _find_summary_faults(
         The columns that the reader declares, by name. Only those with numbers are
         compared.
     unused_rows : collection of int
-        Rows to leave out.
+        Rows whose numbers are ignored.
 
     Returns
     -------
     list of Fault
-        A fault at the first cell of the row; empty if there is no such row.
+        One entry, for the first cell of the row. The list is empty if there is no such
+        row.
     """
     number_columns = {}
     for name, column in declared.items():
+        # A column of the kind `object` may have numbers, too.
         may_hold_numbers = column.kind not in (str, bool)
         if name in cells and may_hold_numbers and holds_numbers(cells[name]):
+            # Empty the cells of unused rows instead of removing them, so that the
+            # positions of the other rows remain correct.
             number_columns[name] = [
                 "" if row in unused_rows else cell
                 for row, cell in enumerate(cells[name])
@@ -1392,7 +1441,7 @@ def _find_summary_faults(
         summary.row,
         column=str(cells.columns[0]),
         value=cells.iat[summary.row, 0],
-        allowed=f"a row of its own measurement; this one has the {summary.statistic} of "
-        "the rows above it in each column: leave it out",
+        allowed=f"a measurement in each row; this one has the {summary.statistic} of the "
+        "rows above it in each column: leave it out",
     )
     return [fault]

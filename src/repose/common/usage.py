@@ -76,12 +76,19 @@ def measure_processor_time_s() -> float:
 def record_process(folder: str | os.PathLike) -> None:
     """Append this process and its processor time to the table of a results folder.
 
-    Nothing is written if the library psutil is not installed, or if the disk is full.
+    The columns are the fields of `Process`. Cells are not quoted, and `_find_log` makes
+    sure that the only text of the user has no comma. Nothing is written if the library
+    psutil is not installed, or if the disk is full.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of results.
     """
     try:
         import psutil
     except ImportError:
-        # An installation without psutil has no workflow either.
+        # The workflow requires psutil. Without it, no workflow reads the table.
         return
     ancestors = " ".join(str(parent.pid) for parent in psutil.Process().parents())
     process = Process(
@@ -141,6 +148,7 @@ def list_processes_since(folder: str | os.PathLike, start_s: float) -> list[Proc
         # Skip a line that a full disk has cut off.
         if len(row) != len(Process._fields):
             continue
+        # The cells are in the order of the fields of `Process`.
         ended_s, cpu_s, log, host, ancestors = row
         process = Process(float(ended_s), float(cpu_s), log, host, ancestors)
         if process.ended_s >= start_s:
@@ -160,7 +168,8 @@ def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) 
     processes : iterable of Process
         The processes of all jobs.
     """
-    # Group the processes by job. All processes of a job write into its log.
+    # Group the processes by job. All processes of a job write into its log, and the
+    # paths of log and benchmark differ only in folder and suffix.
     processes_by_log: dict[str, list[Process]] = defaultdict(list)
     for process in processes:
         processes_by_log[process.log].append(process)
@@ -171,16 +180,18 @@ def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) 
             continue
         name = Path(log).relative_to(logs).with_suffix(".tsv")
         benchmark = Path(folder) / BENCHMARKS / name
-        # The benchmark of a failed job is missing or incomplete.
+        # The benchmark of a failed job is missing or incomplete. A failed correction of
+        # these numbers must not stop the workflow either.
         with suppress(OSError, ValueError):
             _correct_benchmark(benchmark, job_processes)
 
 
 def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
-    """Replace the processor time in the benchmark of a job by that of its processes.
+    """Replace the processor time in the benchmark of a job.
 
-    A benchmark is a table, separated by tabs, with a header and a row for each run of
-    the job. Only the last row is changed.
+    The new value is the sum of the processor times of its processes. A benchmark is a
+    table, separated by tabs, with a header and a row for each run of the job. Only the
+    last row is changed.
 
     Parameters
     ----------
@@ -194,6 +205,7 @@ def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
     OSError, ValueError
         If the benchmark is missing or incomplete.
     """
+    # This raises ValueError for a file with fewer than two lines.
     header, *earlier_rows, last_row = path.read_text(encoding="utf-8").splitlines()
     names = header.split("\t")
     values = last_row.split("\t")

@@ -216,7 +216,7 @@ def test_the_table_of_runs_is_a_copy():
 
 OTHER_VALUES = {
     "numbers and a text": {"steps": [*range(15), "limit"]},
-    "a byte of zero": {"log": "done\0"},
+    "a null byte": {"log": "done\0"},
     "half a character": {"log": "a\udcffb"},
     "lines, one a comment": {"log": 'a\r\n"# b'},
     "signs of a table": {"log": 'a,b;c"d\te'},
