@@ -321,7 +321,10 @@ def test_results_of_runs_that_had_none_are_told_later(tmp_path, verb):
     part.to_csv(tmp_path / "part.csv", index=False)
     told = verb("tell", "part.csv", "runs.csv")
     assert "rows without results: 3. These runs count as failed" in told.err
-    assert "tell these rows again before those of the next runs" in told.err
+    assert (
+        "call `repose tell` with these rows again, before you tell the next runs"
+        in told.err
+    )
     whole[4:].to_csv(tmp_path / "rest.csv", index=False)
     message = verb("tell", "rest.csv", "runs.csv", status=2).err
     assert (

@@ -150,7 +150,7 @@ def _run_subcommand(subcommand: Subcommand, args: argparse.Namespace) -> int:
     int
         The exit status of the program.
     """
-    _check_out_path(args)
+    _expand_and_check_out(args)
     # Do not record the subcommand that starts a workflow, because each job of the
     # workflow is recorded.
     context = (
@@ -201,14 +201,14 @@ def _escape(match: re.Match[str]) -> str:
     return match[0].encode("unicode_escape").decode()
 
 
-def _check_out_path(args: argparse.Namespace) -> None:
-    """Expand `~` in --out, and refuse a path that cannot be written.
+def _expand_and_check_out(args: argparse.Namespace) -> None:
+    """Expand `~` in the value of --out, and check the path.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The parsed options. The value of `out` is changed if the subcommand has this
-        option.
+        The parsed options. If the subcommand has the option --out, the attribute `out`
+        is replaced by the expanded path.
 
     Raises
     ------
@@ -221,6 +221,8 @@ def _check_out_path(args: argparse.Namespace) -> None:
 
     # Some shells leave `~` unchanged after `=`.
     args.out = os.path.expanduser(args.out)
+    # The real path of an empty text is the working folder, so the check below tests the
+    # text itself.
     path = Path(os.path.realpath(args.out))
     is_root = path == path.parent
     if not args.out or is_root or not args.out.isprintable():
@@ -257,7 +259,10 @@ def _attach_dashed_choices(words: list[str]) -> list[str]:
 def make_parser() -> argparse.ArgumentParser:
     """Make the parser of all subcommands, and of the stages under the command `stage`.
 
-    The help of the program lists only the subcommands that a study needs.
+    The modules of the subcommands must have been imported before, because this fills
+    the table `SUBCOMMANDS`. The help of the program lists only the subcommands that a
+    study needs. Its text is the epilog, so argparse's own list of options and
+    subcommands is suppressed.
     """
     main_parser = argparse.ArgumentParser(
         prog=PROGRAM,

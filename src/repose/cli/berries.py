@@ -1,4 +1,8 @@
-"""Get the grain and its particle from files, or make them from the configuration."""
+"""Get the grain and its particle from files, or make them from the configuration.
+
+The grain is the measured one: its mean axes, density and moduli, as in berry.json. The
+particle is the simulated one: its shape, mass and inertia, as in particle.json.
+"""
 
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -21,7 +25,7 @@ def load_grain_and_particle(
     berry_json: str | PathLike | None = None,
     particle_json: str | PathLike | None = None,
 ) -> "tuple[dict[str, Any], Particle]":
-    """Load the mean grain and its particle from files, or make them from the study.
+    """Load the measured grain and the simulated one, from files or from the study.
 
     Parameters
     ----------
@@ -34,9 +38,9 @@ def load_grain_and_particle(
     Returns
     -------
     dict
-        The mean grain, as in berry.json.
+        The mean of the measured grains, as in berry.json.
     Particle
-        The body that represents the grain in simulations.
+        The particle that represents this grain in simulations.
 
     Raises
     ------
@@ -60,8 +64,8 @@ def load_grain_and_particle(
     if berry_json is None:
         return grain, study.particle
 
-    # Make a particle for the grain of the file. Import the module only here, because it
-    # loads a library of meshes.
+    # Make a particle for the grain of the file. The study determines the kind of its
+    # shape. Import the module only here, because it loads a library of meshes.
     from repose.grain import build
 
     return grain, build.make_configured_particle(grain, study.settings.berry)

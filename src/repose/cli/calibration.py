@@ -188,19 +188,19 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.measure.saved_pours import POURS_ENDING
     from repose.stages import validate
 
-    # Refuse runs and measurements that were made with another engine or scene. The runs
-    # measured in NAME.json are described in NAME.pours.json next to it.
-    measurements = [Path(job) for job in args.jobs]
-    runs = [path.with_suffix(POURS_ENDING) for path in measurements]
+    # Check that runs and measurements were made with this engine and scene. NAME.json is
+    # the measurement of the runs in NAME.pours.json, which is in the same folder.
+    measured_jobs = [Path(job) for job in args.jobs]
+    saved_jobs = [path.with_suffix(POURS_ENDING) for path in measured_jobs]
     outdated_files = dependencies.find_outdated_files(
-        study.config, [*measurements, *runs]
+        study.config, [*measured_jobs, *saved_jobs]
     )
     if outdated_files:
         raise InputError(
             outdated_files[0],
             key="provenance",
             value="another engine or scene",
-            allowed=f"runs by this engine as {args.config} asks for",
+            allowed=f"runs of this engine with the settings of {args.config}",
         )
 
     # Each row states with which engine and scene it was simulated. Other studies use
@@ -265,7 +265,9 @@ def _require_published_table(args: argparse.Namespace, study: PipelineConfig) ->
 def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compare predicted and simulated responses of the solutions (Table 4).
 
-    The solutions are those of the study, and the published ones.
+    The comparison is written as table4.csv, which has the columns of Table 4 of the
+    article. The answer is also compared with the measurement, and published parameter
+    sets with their publication.
 
     Examples
     --------
@@ -275,7 +277,8 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.common.files import read_table
     from repose.stages import validate as validation
 
-    # Published sets are contact parameters, so another program cannot simulate them.
+    # Published sets are contact parameters of repose. If another program simulates the
+    # study, they cannot be compared.
     published = None
     if study.simulator is None:
         published = _read_published_comparison(study)
@@ -296,7 +299,7 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 
 def _read_published_comparison(study: PipelineConfig) -> "pd.DataFrame":
-    """Read the stored table of the published sets, for the responses of a study."""
+    """Read the stored simulations of the published sets, for the responses of a study."""
     from repose.common.provenance import engine_hash
     from repose.config import dependencies
     from repose.stages import validate
@@ -327,7 +330,8 @@ def _find_support(args: argparse.Namespace, study: PipelineConfig) -> "Support |
     Returns
     -------
     Support or None
-        The region, outside which solutions get a warning. None without --dataset.
+        The region, outside which predictions are uncertain and solutions get a warning.
+        None if --dataset was not given.
 
     Raises
     ------
@@ -336,6 +340,8 @@ def _find_support(args: argparse.Namespace, study: PipelineConfig) -> "Support |
     """
     if not args.dataset:
         return None
+
+    # Import these slow modules only if they are needed.
     from repose.calibrate.dataset_files import read_definitions
     from repose.calibrate.responses import reject_other_definitions
     from repose.calibrate.surrogates.support import Support

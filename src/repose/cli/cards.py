@@ -54,11 +54,12 @@ def card(args: argparse.Namespace) -> int:
 
     n_cards = N_CARDS[args.action]
     if len(args.cards) != n_cards:
+        noun = "file" if n_cards == 1 else "files"
         raise InputError(
             "command line",
             key=f"card {args.action}",
             value=args.cards,
-            allowed=f"files: {n_cards}",
+            allowed=f"{n_cards} {noun}",
         )
     cards = [card_file.read_card(path) for path in args.cards]
 
@@ -70,7 +71,8 @@ def card(args: argparse.Namespace) -> int:
         print(card_text.describe_card(only_card))
         return 0
 
-    # The action is check. The exit status says whether the targets are met.
+    # The action is check. The exit status says whether the targets are met. `met` is
+    # None if this is undecided.
     print(card_text.format_verdict(only_card))
     are_targets_met = card_text.get_verdict(only_card).met
     if are_targets_met is None:
@@ -89,31 +91,37 @@ def card(args: argparse.Namespace) -> int:
     Option(
         "--summary",
         default=SUMMARY_PATH,
-        help="file of the subcommand miga: the answer",
+        help="file of the subcommand miga, with the calibrated parameter set (the answer)",
     ),
     Option(
         "--representative",
         default=REPRESENTATIVE_PATH,
-        help="file of the subcommand validate: the check of the answer",
+        help="file of the subcommand validate, which compares new runs of the answer with "
+        "the targets",
     ),
     Option(
         "--table4",
-        help="table4.csv of the subcommand validate: the piles by every definition of the "
-        "angle",
+        help="table4.csv of the subcommand validate, with the angle of the piles by every "
+        "definition",
     ),
     Option(
         "--posterior",
-        help="posterior.csv; with --draws its intervals and correlations are in the card",
+        help="posterior.csv; the card then has the intervals and correlations of the "
+        "posterior, and --draws must be given, too",
     ),
     Option("--draws", help="draws.csv of the same posterior"),
     Option(
         "--dataset",
-        help="dataset.csv of the study's design: what angles its piles have",
+        help="dataset.csv of the study; its piles help to judge whether piles of these "
+        "grains can have the angle of a target",
     ),
     out="results/card.json",
 )
 def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Write the material card of a finished calibration.
+
+    A material card is one file with the grain, the contact laws, the calibrated
+    parameters and the check of the answer.
 
     Examples
     --------
@@ -142,5 +150,6 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
         small_run=settings.small_run,
         parameter_names=study.parameter_names,
     )
+    # The values of these options are paths, or None if an option was not given.
     files = {name: getattr(args, name) for name in FILE_OPTIONS}
     card_study.write_card(study, result, files=files, out=args.out)

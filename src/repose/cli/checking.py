@@ -83,7 +83,8 @@ def _print_smaller_scene(files: list[str], n_grains: int) -> None:
         "--try",
         dest="makes_run",
         action="store_true",
-        help="with a section simulator: make one run and print its responses",
+        help="make one run and print its responses; only for a study whose section "
+        "`simulator` names another program",
     ),
     config=CONFIG_FILES,
     study=_load_with_scene_advice,
@@ -144,7 +145,7 @@ def _print_cost(study: PipelineConfig, grain_step_s: float, n_cores: int) -> Non
 
     runs = cost.list_strategy_runs(study.settings, study.settings.strategy)
     work = cost.estimate_work(study.config, grain_step_s, runs)
-    _print_runs(work.runs)
+    _print_table_of_runs(work.runs)
     minutes = work.total_s / n_cores / 60
     print(
         f"about {format_significant(work.funnel_run_s, 2)} s per pour, and "
@@ -156,7 +157,9 @@ def _print_cost(study: PipelineConfig, grain_step_s: float, n_cores: int) -> Non
 def _print_external_study(
     args: argparse.Namespace, study: PipelineConfig, simulator: "SimulatorSettings"
 ) -> None:
-    """Print the checks of a study whose runs are made by another program.
+    """Print the checks and the cost of a study that another program simulates.
+
+    With the option --try, one run is also made and its responses are printed.
 
     Parameters
     ----------
@@ -174,9 +177,10 @@ def _print_external_study(
     _print_lines(external_check.describe_strategy(study, args.config))
     _print_lines(check.warn_about_few_measurements(study))
     runs = external_check.list_runs(study.settings)
-    _print_runs(runs)
+    _print_table_of_runs(runs)
 
-    # The time of a run is unknown, but it has a limit.
+    # The time of a run is unknown, but it has a limit. The number of runs at the same
+    # time is the number of all cores over that of a run.
     n_runs = cost.count_runs(runs)
     hours = n_runs * simulator.time_limit_s * simulator.cores / args.cores / 3600
     print(
@@ -188,26 +192,26 @@ def _print_external_study(
 
 
 def _print_computed_settings(files: list[str], study: PipelineConfig) -> None:
-    """Print the numbers of the keys that are `auto` or missing in the files.
+    """Print the settings that were computed, because they are `auto` or missing.
 
     Parameters
     ----------
     files : list of str
         The files of the study.
     study : PipelineConfig
-        The study, in which each of these keys has its number.
+        The study, in which these settings have their computed values.
     """
     from repose.common.keys import get_value
     from repose.config import computed, loader
 
     config_of_files = loader.merge_with_defaults(files).config
-    numbers = []
+    texts = []
     for setting in computed.find_settings_to_compute(config_of_files):
         value = get_value(study.config, setting.key)
         text = format_significant(value) if isinstance(value, float) else str(value)
-        numbers.append(f"{setting.key} {text}")
-    if numbers:
-        print(f"computed, because they are auto or missing: {', '.join(numbers)}")
+        texts.append(f"{setting.key} {text}")
+    if texts:
+        print(f"computed, because they are auto or missing: {', '.join(texts)}")
 
 
 def _print_lines(lines: Iterable[str]) -> None:
@@ -216,13 +220,13 @@ def _print_lines(lines: Iterable[str]) -> None:
         print(line)
 
 
-def _print_runs(runs: "PlannedRuns") -> None:
+def _print_table_of_runs(runs: "PlannedRuns") -> None:
     """Print a table of the runs of a study.
 
     Parameters
     ----------
     runs : sequence of (str, int, int)
-        Purpose, number of parameter sets, and seeds of each set.
+        Purpose, number of parameter sets, and number of seeds of each set.
     """
     print(f"{'stage':>15} {'parameter sets':>15} {'runs each':>10} {'runs':>6}")
     for purpose, n_sets, n_seeds in runs:
@@ -232,7 +236,8 @@ def _print_runs(runs: "PlannedRuns") -> None:
 @subcommand(
     Option(
         "--runs",
-        help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)",
+        help="runs.csv of earlier pours, whose scatter is measured (default: the runs of "
+        "the study, if there are any)",
         recorded=False,  # they may be of another study
     ),
     config=CONFIG_FILES,
@@ -251,7 +256,8 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.calibrate.strategies import plan as planning
     from repose.config import check, external_check
 
-    # Read earlier runs, which show the noise. If there are none, the noise is assumed.
+    # Read earlier runs, which show how much the responses scatter from run to run. If
+    # there are none, this noise is assumed.
     runs_csv = args.runs or _find_own_runs(study)
     runs = None
     if runs_csv is not None:
@@ -274,8 +280,10 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     # The time of a run of another program is unknown.
     if study.simulator is not None:
-        _print_runs(external_check.list_runs(study.settings))
-        print("time: `repose check --try` makes one run, and estimates that of all")
+        _print_table_of_runs(external_check.list_runs(study.settings))
+        print(
+            "time: `repose check --try` makes one run, and estimates the time of all runs"
+        )
         return
 
     # Show these lines now, because the costs below need a pour that takes some time.
@@ -296,16 +304,19 @@ def _find_own_runs(study: PipelineConfig) -> Path | None:
 def _print_noise(
     study: PipelineConfig, result: "Plan", runs_csv: str | Path | None
 ) -> None:
-    """Print how much single runs scatter, and how many runs give a precise mean.
+    """Print the noise, and how many runs give a precise mean in spite of it.
+
+    The noise is the scatter of single runs with the same parameters.
 
     Parameters
     ----------
     study : PipelineConfig
         The study.
     result : Plan
-        The scatter for each target, and the numbers of runs by their tolerance.
+        The plan. `noise_percent` has the noise of each target, and `needed` the number
+        of runs for each tolerance of the mean.
     runs_csv : path or None
-        The table in which the scatter was measured; None if there is none.
+        The table in which the noise was measured; None if there is none.
     """
     from repose.calibrate.strategies.plan import CERTAINTY
 
@@ -314,24 +325,28 @@ def _print_noise(
         source = f"measured in {runs_csv}"
     for name, percent in zip(study.targets.names, result.noise_percent, strict=True):
         print(
-            f"noise: the {name} of single pours scatters by {format_significant(percent, 2)} % of "
-            f"the target, {source}"
+            f"noise: the {name} of single runs has a scatter of "
+            f"{format_significant(percent, 2)} % of the target, {source}"
         )
-    for tolerance, n_pours in result.needed.items():
+    for tolerance, n_runs in result.needed.items():
         print(
-            f"noise: {n_pours} pours of one parameter set give its means within "
+            f"noise: {n_runs} runs of one parameter set give its means within "
             f"{tolerance:g} % with probability {CERTAINTY:g}"
         )
 
 
 def _print_probabilities(result: "Plan") -> None:
-    """Print the probability of success for each budget of runs.
+    """Print the probability of success for each number of runs that a study may make.
+
+    The probabilities come from many simulated calibrations with known answers, in which
+    the successes were counted.
 
     Parameters
     ----------
     result : Plan
-        The plan. Its `success` is a table with a row for each budget. It is None if the
-        study differs too much from the campaigns in which successes were counted.
+        The plan. `success` is a table with a row for each number of runs. It is None if
+        the study differs too much from those simulated calibrations, which `campaigns`
+        describes.
     """
     from repose.calibrate.strategies.plan import TOLERANCES
 
@@ -342,13 +357,14 @@ def _print_probabilities(result: "Plan") -> None:
             f"different ({differences})"
         )
         return
-    print(
-        "success: probability that the answer lies within 1 % and 2 % of all targets, for "
-        f"{result.campaigns}:"
-    )
-    # The table has a column for each tolerance: the probability and its standard error.
     titles = [f"{percent:g} %" for percent in TOLERANCES]
-    print(f"{'pours':>7}", *(f"{title:>12}" for title in titles))
+    print(
+        f"success: probability that the answer lies within {' and '.join(titles)} of all "
+        f"targets, for {result.campaigns}:"
+    )
+    # The table has two columns for each tolerance: the probability and its standard
+    # error. `Plan` gives them the names below.
+    print(f"{'runs':>7}", *(f"{title:>12}" for title in titles))
     for row in result.success.to_dict("records"):
         cells = []
         for percent in TOLERANCES:
@@ -356,7 +372,8 @@ def _print_probabilities(result: "Plan") -> None:
             cells.append(f"{row[column]:.2f} ± {row[f'{column}_se']:.2f}")
         print(f"{row['pours']:>7}", *(f"{cell:>12}" for cell in cells))
     print(
-        "counted in simulated calibrations with known answers: `repose docs sequential`"
+        "These successes were counted in simulated calibrations with known answers; see "
+        "`repose docs sequential`"
     )
 
 

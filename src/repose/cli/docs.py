@@ -65,13 +65,16 @@ def find_pages() -> dict[str, Path]:
     -------
     dict of str to Path
         The path of each page by its name, in alphabetical order. The index page of a
-        folder is named after the folder.
+        folder is named after the folder. All other pages have different names, although
+        some are in folders.
     """
     folder = places.find_program_folder() / "docs"
     paths = {}
+    # A folder whose name begins with an underscore has no pages for readers.
     for path in (*folder.glob("*.md"), *folder.glob("[!_]*/*.md")):
         name = path.parent.name if path.stem == "index" else path.stem
         paths[name] = path
+    # These two pages are not in the folder docs. The library is `repose.dem`.
     paths["configuration"] = places.find_program_folder() / "config" / "README.md"
     paths["library"] = places.PACKAGE / "dem" / "README.md"
     return {name: paths[name] for name in sorted(paths) if name not in HIDDEN_PAGES}

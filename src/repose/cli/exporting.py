@@ -50,8 +50,9 @@ Card = Mapping[str, Any]
         "--spheres",
         type=int,
         metavar="N",
-        help="spheres of the clump; 1: the sphere of the grain's volume (default: those "
-        f"of the study's clump, 1 for a spherical grain, or {DEFAULT_SPHERES})",
+        help="number of spheres that represent a grain, or 1 for a sphere of the grain's "
+        "volume (default: as in the study if it simulates a clump, 1 for a spherical "
+        f"grain, otherwise {DEFAULT_SPHERES})",
     ),
     Option(
         "--seed", type=int, default=1, help="seed of the positions of the grains (1)"
@@ -61,8 +62,8 @@ Card = Mapping[str, Any]
         nargs="+",
         default=[],
         metavar="NAME",
-        help="parameters whose names take the place of their numbers: the deck becomes a "
-        "template for the section `simulator` of a study",
+        help="parameters whose numbers are replaced by their names, which makes the input "
+        "file a template for the section `simulator` of a study",
     ),
     out="results/export",
     config=False,
@@ -70,7 +71,7 @@ Card = Mapping[str, Any]
 def export(args: argparse.Namespace) -> None:
     """Write the calibrated grain and its pour for another program.
 
-    The result is a deck of this program, or a table.
+    The result is an input script (deck) of this program, or a table.
 
     Examples
     --------
@@ -80,7 +81,9 @@ def export(args: argparse.Namespace) -> None:
     from repose.export.template import write_template
     from repose.stages.card_study import read_repose_card
 
-    # Read the study, the card, or both. Faults of the configuration are reported first.
+    # Read the study, the card, or both. Faults of the configuration are reported before
+    # those of the options. Without either, use the default configuration. From here on,
+    # `args.config` is the file that messages name.
     study = None if args.config is None else load_study(args)
     _require_one_parameter_option(args)
     _check_numbers(args)
@@ -106,7 +109,8 @@ def export(args: argparse.Namespace) -> None:
             one_sphere=source.one_sphere,
         )
 
-    # In a template some numbers are replaced by names.
+    # With --names, write a template, for which the simulation is made with several
+    # values of the parameters.
     if args.names:
         paths = write_template(
             make_job_with, values, names=args.names, program=args.to, folder=args.out
@@ -118,7 +122,7 @@ def export(args: argparse.Namespace) -> None:
 
 
 def _require_one_parameter_option(args: argparse.Namespace) -> None:
-    """Refuse an export unless exactly one option gives the parameters.
+    """Raise an InputError unless exactly one option gives the parameters.
 
     A template needs no such option. In a template the parameters of --names have no
     values, and all others have the centre of their range.
@@ -142,7 +146,7 @@ def _require_one_parameter_option(args: argparse.Namespace) -> None:
 
 
 def _check_numbers(args: argparse.Namespace) -> None:
-    """Refuse a seed or a number of spheres that is out of range."""
+    """Raise an InputError if the seed or the number of spheres is out of range."""
     if args.seed < 0:
         raise InputError(
             "command line",
@@ -160,16 +164,18 @@ def _check_numbers(args: argparse.Namespace) -> None:
 
 
 def _load_study_beside_card(args: argparse.Namespace) -> PipelineConfig | None:
-    """Load the study in the folder of a card.
+    """Load the study whose configuration is in the folder of a card, if there is one.
 
-    The card may have been moved to a place where the files of its study are missing.
-    The card alone is enough for an export, so faults of the study are only printed.
+    A card is the file with the answer of a study, and is enough for an export. The card
+    may have been moved to a place where the files of its study are missing. Therefore
+    an error of the study is only printed as a note.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The options; `card` is the path of the card. This function sets `config` to the
-        file of the study, which messages name.
+        The options; `card` is the path of the card. This function sets `config`, which
+        messages name, to the file of the study. If the study has faults, `config`
+        becomes None.
 
     Returns
     -------
@@ -184,13 +190,14 @@ def _load_study_beside_card(args: argparse.Namespace) -> PipelineConfig | None:
     args.config = str(path)
     try:
         study = load_study(args)
-        # This property makes the grain, which reads the files of the study.
+        # Test whether the files of the study can be read. The property `grain` reads
+        # them when it is first used, and keeps the grain for later.
         _ = study.grain
     except InputError as error:
         args.config = None
         first_line, *_ = str(error).splitlines()
         print(
-            f"repose: note: {first_line}; the deck is made from the card alone",
+            f"repose: note: {first_line}; the export uses the card alone",
             file=sys.stderr,
         )
         return None
@@ -277,7 +284,11 @@ def _choose_number_of_spheres(
 def _choose_export_source(
     args: argparse.Namespace, study: PipelineConfig | None, card: Card | None
 ) -> _ExportSource:
-    """Choose the grain to export: that of the study, or without a study that of the card.
+    """Choose the grain to export, that of the study or that of the card.
+
+    A card is the file with the answer of a study. If there is a study, its grain is
+    exported, and the card must belong to the same study. Otherwise the grain is rebuilt
+    from the card.
 
     Parameters
     ----------
@@ -301,6 +312,7 @@ def _choose_export_source(
     from repose.stages.card_study import require_same_study
 
     if study is None:
+        # `export` makes sure that there is a study or a card.
         assert card is not None
         return _make_source_of_card(args, card)
     source = _make_source_of_study(args, study)
@@ -314,7 +326,9 @@ def _choose_export_source(
 def _make_source_of_study(
     args: argparse.Namespace, study: PipelineConfig
 ) -> _ExportSource:
-    """Convert the grain of a study for programs that know only spheres.
+    """Make what is exported of a study: its configuration, and its grain as spheres.
+
+    Other programs simulate only spheres.
 
     Parameters
     ----------
@@ -331,6 +345,8 @@ def _make_source_of_study(
     from repose.cli.berries import load_grain_and_particle
 
     grain, particle = load_grain_and_particle(study)
+    # None means that the grain already consists of spheres, and 1 that a single sphere
+    # replaces it, which `make_job` does.
     n_spheres = _choose_number_of_spheres(args, particle)
     if n_spheres is None:
         return _ExportSource(study.config, grain, particle, one_sphere=False)
@@ -344,7 +360,7 @@ def _make_source_of_study(
 
 
 def _make_source_of_card(args: argparse.Namespace, card: Card) -> _ExportSource:
-    """Convert the grain of a card for programs that know only spheres."""
+    """Make what is exported of a card: its configuration, and its grain as spheres."""
     from repose.stages import card_study
 
     card_particle = card_study.rebuild_particle(card, None, args.card)
@@ -363,8 +379,8 @@ def _replace_particle_by_clump(
     """Make a copy of a study, with a clump of spheres as its particle.
 
     A clump may need a shorter time step than a smooth body, because the stiffnesses of
-    its overlapping spheres add up. The changed configuration is also stored in the
-    record of the current stage.
+    its overlapping spheres add up. As a side effect, the changed configuration is noted
+    for the provenance of the files that are written afterwards.
 
     Parameters
     ----------
@@ -378,7 +394,8 @@ def _replace_particle_by_clump(
     Returns
     -------
     PipelineConfig
-        The copy, with the shorter of both time steps.
+        The copy. Its time step is that of the study, or that of the clump if it is
+        shorter.
     """
     config = copy.deepcopy(study.config)
     config["berry"] |= {
@@ -387,7 +404,8 @@ def _replace_particle_by_clump(
         "surface": "smooth",
     }
 
-    # Use the shorter of the study's time step and the one computed for the clump.
+    # Use the shorter of the study's time step and the one that is computed for the
+    # clump. To get the latter, load the configuration once with the time step `auto`.
     study_step_s = study.settings.simulation.time_step_s
     config["simulation"]["time_step_s"] = AUTO
     clump_step_s = PipelineConfig.of(config, source).settings.simulation.time_step_s

@@ -28,25 +28,36 @@ def _load_study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
         type=float,
         nargs=3,
         metavar="MM",
-        help="build a mesh instead: its three axes",
+        help="only build a mesh of a grain, with these three axes; with --mass-g and "
+        "--stl",
     ),
     Option(
-        "--stl", help="the mesh file to build; with --axes and --mass-g", recorded=False
+        "--stl",
+        help="mesh file to write; with --axes and --mass-g",
+        recorded=False,
     ),
     Option(
         "--mass-g",
         type=float,
-        help="mass of the grain to build in g; it determines how full the shape is",
+        help="mass of the grain in the mesh [g]; mass and density determine how much of "
+        "the box around it the shape fills",
     ),
-    Option("--density", type=float, help="its density in kg/m3 (the configuration's)"),
+    Option(
+        "--density",
+        type=float,
+        help="density of the grain in the mesh [kg/m3] (that of the configuration)",
+    ),
     Option(
         "--taper",
         type=float,
         default=0.0,
-        help="widening at one end, as a fraction of the width (0)",
+        help="widening of the mesh at one end, as a fraction of its width (0)",
     ),
     Option(
-        "--wrinkles", type=int, default=0, help="number of grooves along the grain (0)"
+        "--wrinkles",
+        type=int,
+        default=0,
+        help="number of grooves along the mesh (0)",
     ),
     Option(
         "--wrinkle-depth-mm",
@@ -70,12 +81,13 @@ def berry(args: argparse.Namespace, study: PipelineConfig | None) -> None:
     from repose.common.tables import print_columns
     from repose.grain import berry as grain_stage
 
-    # With --axes or --stl a mesh is built, which needs no study.
+    # `_load_study_of_grain` returns no study if --axes or --stl asks for a mesh.
     if study is None:
         _build_mesh(args)
         return
     section = study.settings.berry
     grain_stage.run(section, study.published("table1.csv"), args.out)
+    # Show what was read from the user's tables.
     print_columns(section.sizes)
     if section.compression is not None:
         print_columns(section.compression)
@@ -84,16 +96,18 @@ def berry(args: argparse.Namespace, study: PipelineConfig | None) -> None:
 def _build_mesh(args: argparse.Namespace) -> None:
     """Build the mesh of a grain from its axes, mass and density; write it as STL.
 
+    A line with the volume and the profile of the mesh is printed.
+
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the subcommand `berry`. Without --density the density of the
-        configuration is used.
+        The options of the subcommand `berry` about the mesh, from `axes` to
+        `wrinkle_depth_mm`. Without --density the density of the configuration is used.
 
     Raises
     ------
     InputError
-        If --axes, --mass-g or --stl is missing.
+        If --axes, --mass-g or --stl is missing or 0.
     """
     from repose.grain import mesh_from_axes
 
@@ -107,7 +121,9 @@ def _build_mesh(args: argparse.Namespace) -> None:
     density = args.density
     if density is None:
         density = load_study(args).settings.berry.density_kg_m3
-    # The larger its number, the fuller is a shape.
+    # Mass and density give the volume, which is smaller than the box of the axes. The
+    # function finds the shape that has this volume. A shape with a larger number fills
+    # more of the box.
     mesh, shape_number = mesh_from_axes.make_grain_mesh(
         args.axes,
         args.mass_g,
@@ -121,7 +137,9 @@ def _build_mesh(args: argparse.Namespace) -> None:
     assert isinstance(stl, bytes)
     write_bytes(args.stl, stl)
 
-    # Print which share of its bounding box the shape fills, and its profile.
+    # Print which fraction of its bounding box the shape fills, and its profile: the
+    # half width at the position t along the axis, from -1 to 1, relative to that in the
+    # middle.
     box_mm3 = math.prod(args.axes)
     inner_exponent, outer_exponent = mesh_from_axes.compute_profile_exponents(
         shape_number
@@ -160,7 +178,9 @@ def shape(args: argparse.Namespace, study: PipelineConfig) -> None:
 def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
     """Make the Latin hypercube design of the parameters.
 
-    These are the contact parameters, or the parameters of your own simulator.
+    The table samples.csv in the folder of --out has the parameter sets to simulate. The
+    parameters are the contact parameters of repose, or those of the user's own
+    simulator.
 
     Examples
     --------
@@ -168,13 +188,14 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
     """
     from repose.stages import design as design_stage
 
-    # With our simulator the design is a table of samples.
+    # If repose simulates the study, the design is a table of samples.
     if isinstance(study, PipelineConfig):
         design_stage.write_design(study.parameters, study.settings.design, args.out)
         _print_allowed_fraction(study.parameters)
         return
 
     # For the user's own simulator, it is a table of runs, some of which share a sample.
+    # Without any runs so far, the strategy asks for those of the design.
     table = study.ask()
     path = Path(args.out) / "samples.csv"
     write_table(path, table)
@@ -184,7 +205,7 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
 
 
 def _print_allowed_fraction(space: "ParameterSpace") -> None:
-    """Print which share of the ranges the constraints allow, if there are any."""
+    """Print which fraction of the ranges the constraints allow, if there are any."""
     if space.constraints:
         rules = ", ".join(constraint.text for constraint in space.constraints)
         print(

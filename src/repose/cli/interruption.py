@@ -43,7 +43,11 @@ class Interruption:
         self._has_ended = threading.Event()
 
     def __enter__(self) -> Self:
-        """Handle the signals, and start the thread that forwards SIGTERM and SIGHUP."""
+        """Handle the signals, and start the thread that forwards SIGTERM and SIGHUP.
+
+        `__exit__` undoes each of these steps.
+        """
+        # Later threads belong to the run, and `_wait_for_threads` waits for them.
         self._earlier_threads = set(threading.enumerate())
         # A process under nohup ignores SIGHUP, and must continue to ignore it.
         self._forwarded_signals = [
@@ -52,15 +56,20 @@ class Interruption:
             if signal.getsignal(number) is not signal.SIG_IGN
         ]
 
-        # Replace the handlers, and remember the earlier ones. The new handler of a
-        # forwarded signal does nothing, because the thread below also sees the signal.
+        # Replace the handlers, and remember the earlier ones. The handler of a forwarded
+        # signal does nothing, because the thread that is started below also gets the
+        # number of the signal and acts on it. Without a handler the signal would end
+        # this process.
         earlier_handler = signal.signal(signal.SIGINT, self._handle_interrupt)
         self._earlier_handlers = {signal.SIGINT: earlier_handler}
         for number in self._forwarded_signals:
             self._earlier_handlers[number] = signal.signal(number, lambda *_: None)
 
-        # Snakemake replaces the handler of SIGTERM. But Python also writes the number
-        # of every signal into this pipe, from which a thread reads it.
+        # Snakemake will replace the handler of SIGTERM, so the handler is not enough.
+        # Whatever the handler does, Python writes the number of each signal into the
+        # wakeup file descriptor, here the writing end of a pipe. A thread reads the
+        # numbers at the other end. The pipe must exist before the thread starts. Python
+        # requires that writing to it never blocks.
         self._reading_end, self._writing_end = os.pipe()
         os.set_blocking(self._writing_end, False)
         self._earlier_wakeup_fd = signal.set_wakeup_fd(
@@ -72,21 +81,27 @@ class Interruption:
 
     def __exit__(
         self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
+        exception_type: type[BaseException] | None,
+        exception: BaseException | None,
+        traceback: TracebackType | None,
     ) -> None:
-        """After a signal, wait for the jobs to end; then restore the earlier handlers."""
+        """After a signal, wait for the jobs to end; then restore the earlier handlers.
+
+        The steps must stay in this order.
+        """
         if self.signal_number is not None:
             self._wait_for_threads()
+        # End the thread of `_end_new_jobs`, which is needed until here.
         self._has_ended.set()
 
-        # Restore the earlier handlers.
+        # Restore the earlier handlers. From here on, Python writes nothing into the
+        # pipe.
         signal.set_wakeup_fd(self._earlier_wakeup_fd)
         for number, handler in self._earlier_handlers.items():
             signal.signal(number, handler)
 
-        # End the thread that reads the pipe, and only then close the pipe.
+        # End the thread of `_forward_signals`, which reads the pipe until it gets this
+        # byte. Only then close the pipe.
         os.write(self._writing_end, END_BYTE)
         self._thread.join()
         os.close(self._reading_end)
@@ -95,14 +110,17 @@ class Interruption:
     def _forward_signals(self) -> None:
         """Wait for signals, and send SIGINT to this process after SIGTERM or SIGHUP.
 
-        Snakemake ends at SIGINT but not at the other two. The loop runs in a thread
-        until it reads `END_BYTE`.
+        Snakemake ends at SIGINT but not at the other two. The loop runs in a thread,
+        which `__enter__` starts. It ends when `__exit__` writes `END_BYTE` into the
+        pipe.
         """
         while True:
             # Each signal is one byte. `os.read` blocks until the next one.
             number = os.read(self._reading_end, 1)[0]
             if number == END_BYTE[0]:
                 return
+            # Forward only the first signal. After a second SIGINT, the program would
+            # end immediately.
             if number in self._forwarded_signals and self.signal_number is None:
                 self.signal_number = number
                 os.kill(os.getpid(), signal.SIGINT)

@@ -59,33 +59,38 @@ EXPECTED_PILE = "a pile with two flanks, seen from the side"
         "--square-mm",
         type=float,
         default=20.0,
-        help="squares of the printed sheet, as measured (20)",
+        help="side of a square on the printed sheet, as you measured it [mm] (20)",
     ),
     Option(
         "--lens",
         nargs="+",
         default=[],
-        help="photographs of the sheet alone, by the same camera",
+        help="photographs that show only the sheet, taken by the same camera",
     ),
     Option(
-        "--mm-per-pixel", type=float, help="scale, where no sheet is in the photographs"
+        "--mm-per-pixel",
+        type=float,
+        help="scale of photographs that do not show the sheet [mm per pixel]",
     ),
     Option(
         "--length",
         nargs=5,
         type=float,
         metavar=("MM", "X1", "Y1", "X2", "Y2"),
-        help="instead of the scale: a level length and the pixels of its ends, column and row",
+        help="scale from a level line: its length in mm, then column and row of each of "
+        "its ends in pixels, the left end first",
     ),
     Option(
         "--base-row",
         type=float,
-        help="row of the plate in pixels from the top, without the sheet",
+        help="row of the plate, in pixels from the top, in photographs that do not show "
+        "the sheet",
     ),
     Option(
         "--grain-mm",
         type=float,
-        help="height of a grain, for the secant (by --config or sizes.csv)",
+        help="height of a grain [mm], which some definitions of the angle need (from the "
+        "study of --config, or from sizes.csv)",
     ),
     CONFIG.with_changes(
         default=None, help=f"the study that the photographs are for; {ANGLE_LINE_HELP}"
@@ -101,13 +106,13 @@ EXPECTED_PILE = "a pile with two flanks, seen from the side"
     Option(
         "--doubtful",
         action="store_true",
-        help="doubtful photographs count in the mean and in the targets, doubtful files "
-        "of particles in results.csv",
+        help="include doubtful photographs in the mean and in the targets, and doubtful "
+        "files of particles in results.csv",
     ),
     Option(
         "--unit",
         default="m",
-        help="of lengths in a file of particles: m, cm or mm (m)",
+        help="unit of lengths in a file of particles: m, cm or mm (m)",
     ),
     Option(
         "--up",
@@ -118,7 +123,8 @@ EXPECTED_PILE = "a pile with two flanks, seen from the side"
     Option(
         "--base",
         type=float,
-        help="height of the plate in a file of particles, in its unit (found)",
+        help="height of the plate in a file of particles, in its unit (found from the "
+        "lowest grains)",
     ),
     Option(
         "--radius",
@@ -128,8 +134,9 @@ EXPECTED_PILE = "a pile with two flanks, seen from the side"
     ),
     Option(
         "--runs",
-        help="table of `repose design`: write results.csv for `repose tell`, from files "
-        "of particles named by sample and run, as 3_1.csv",
+        help="table of `repose design`; the subcommand then writes results.csv for "
+        "`repose tell`. A file of particles must be named by its sample and run, such as "
+        "3_1.csv",
     ),
     JSON.with_changes(help="print every number as JSON"),
     out="measured",
@@ -166,7 +173,7 @@ def measure(args: argparse.Namespace) -> None:
 
 
 def _are_particle_files(paths: Sequence[str]) -> bool:
-    """Tell whether files contain particles instead of pictures.
+    """Tell whether files contain particles instead of pictures, but never both.
 
     Parameters
     ----------
@@ -194,23 +201,27 @@ def _are_particle_files(paths: Sequence[str]) -> bool:
             "command line",
             key="pictures",
             value=", ".join(pictures),
-            allowed=f"files of particles alone, as {particle_files[0]}",
+            allowed=f"only files of particles, such as {particle_files[0]}",
         )
     return True
 
 
 def _measure_particle_files(args: argparse.Namespace) -> None:
-    """Measure piles in files of particles; write a table and print it.
+    """Measure piles in files of particles; write tables and print the result.
+
+    The tables are piles.csv and, with --runs, results.csv.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the subcommand `measure`. `pictures` has the paths of the files.
+        The options of the subcommand `measure`. `pictures` has the paths of the files,
+        although they are no pictures.
 
     Raises
     ------
     InputError
-        If an option is not allowed, or a pile has no flanks.
+        If an option is not allowed, or a pile has no flanks. A flank is a side of the
+        pile that is long enough to fit a line.
     """
     import pandas as pd
 
@@ -221,7 +232,8 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     runs = None if args.runs is None else _read_runs(args.runs, args.pictures)
     settings = _make_measure_settings(args)
     if args.config is None:
-        # Without a study, the scale of the views depends on the size of the grains.
+        # The piles are measured in drawn side views. Without a study, choose the size
+        # of their pixels from the size of the grains.
         settings = settings.model_copy(update={"mm_per_pixel": AUTO})
 
     # Each file gives a row of the table.
@@ -233,21 +245,22 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     table = pd.DataFrame(rows)
     table_path = Path(args.out) / PARTICLE_TABLE_FILE
     write_table(table_path, table)
-    is_counted = [args.doubtful or not pile.warnings for pile in piles]
+    # A pile is doubtful if its measurement gave warnings.
+    is_included = [args.doubtful or not pile.warnings for pile in piles]
     if runs is not None:
-        results = _add_responses_to_runs(runs, table[is_counted], args.bench)
+        results = _add_responses_to_runs(runs, table[is_included], args.bench)
         write_table(Path(args.out) / RESULTS_TABLE_FILE, results)
 
     if args.json:
         print(format_json(table.to_dict("records")))
     else:
         _print_particle_piles(rows, piles, settings, args.unit)
-        if runs is not None and not all(is_counted):
+        if runs is not None and not all(is_included):
             print(
-                f"doubtful piles: {is_counted.count(False)}, not in "
+                f"doubtful piles: {is_included.count(False)}, not in "
                 f"{RESULTS_TABLE_FILE}; --doubtful counts them"
             )
-        print(f"angles by every line and more: {table_path}")
+        print(f"all measured numbers, with the angle by every line: {table_path}")
 
 
 def _measure_particle_file(
@@ -358,7 +371,7 @@ def _print_particle_piles(
     settings: "MeasureSettings",
     unit: str,
 ) -> None:
-    """Print a line for each measured pile of particles, and one for each remark.
+    """Print a line for each measured pile of particles, its warnings and its notes.
 
     Parameters
     ----------
@@ -367,13 +380,15 @@ def _print_particle_piles(
     piles : iterable of ParticlePile
         The piles, with their warnings and notes.
     settings : MeasureSettings
-        How the piles were measured; they name the line of the angle.
+        How the piles were measured. They determine along which line of a pile the angle
+        is measured.
     unit : str
         The unit of lengths in the files.
     """
     from repose.measure.settings import line_of
 
     for row, pile in zip(rows, piles, strict=True):
+        # "Height" is the label of this response in all messages.
         angle = row["aor_deg"]
         angle_text = "no angle" if angle is None else f"{angle:.2f} deg"
         print(
@@ -381,8 +396,8 @@ def _print_particle_piles(
             f"{row['height_mm']:.2f} mm; {row['grains']} grains, up is {row['up']}, "
             f"the plate at {format_significant(row['base'])} {unit}"
         )
-        for remark in (*pile.warnings, *(f"note: {note}" for note in pile.notes)):
-            print(f"  {remark}")
+        for line in (*pile.warnings, *(f"note: {note}" for note in pile.notes)):
+            print(f"  {line}")
 
 
 def _find_run_name(path: str) -> str:
@@ -391,7 +406,7 @@ def _find_run_name(path: str) -> str:
 
 
 def _check_particle_options(args: argparse.Namespace) -> None:
-    """Refuse options that do not suit files of particles.
+    """Check the options that are used for files of particles.
 
     Parameters
     ----------
@@ -416,13 +431,15 @@ def _check_particle_options(args: argparse.Namespace) -> None:
         raise InputError(
             "command line", key="--radius", value=args.radius, allowed="above 0"
         )
-    benches = _find_photographed_piles()
-    if args.bench not in benches:
+    # A pile in a file of particles is measured like that in a photograph, so the same
+    # bench tests are possible.
+    bench_tests = _find_photographed_piles()
+    if args.bench not in bench_tests:
         raise InputError(
             "command line",
             key="--bench",
             value=args.bench,
-            allowed=f"one of {', '.join(benches)}, which leave a pile",
+            allowed=f"one of the bench tests that leave a pile: {', '.join(bench_tests)}",
         )
 
 
@@ -449,6 +466,7 @@ def _read_runs(path: str, files: Sequence[str]) -> "pd.DataFrame":
     from repose.common.files import read_table
 
     runs = read_table(path, ("sample", "run"))
+    # `_find_run_name` returns names of the same form.
     runs.index = runs["sample"].astype(str) + "_" + runs["run"].astype(str)
     names = [_find_run_name(file) for file in files]
     for file, name in zip(files, names, strict=True):
@@ -457,11 +475,15 @@ def _read_runs(path: str, files: Sequence[str]) -> "pd.DataFrame":
                 "command line",
                 key="--runs",
                 value=path,
-                allowed=f"a row of the sample and run that the name of {file} gives, as 3_1.csv",
+                allowed=(
+                    f"a row for {file}; the name of a file gives its sample and run, as "
+                    "3_1.csv does"
+                ),
             )
         if names.count(name) != 1:
             raise InputError(
                 "command line",
+                # The files of particles are the values of this argument.
                 key="pictures",
                 value=file,
                 allowed="one file for each run",
@@ -484,7 +506,7 @@ def _find_photographed_piles() -> dict[str, Mapping[str, str]]:
 
 
 def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) -> None:
-    """Refuse an unknown bench test, and options that this bench test does not use.
+    """Reject an unknown bench test, and options that this bench test does not use.
 
     Parameters
     ----------
@@ -494,8 +516,10 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
         Names of the bench tests that leave a pile. The photographs of other bench tests
         show a drum or a box.
     """
-    from repose.bench.photographs import RESPONSES
+    from repose.bench.photographs import RESPONSES  # slow to import
 
+    # The keys of `RESPONSES` are the bench tests whose photographs show a bed of grains
+    # in a drum or a box.
     known = (*pile_tests, *RESPONSES)
     if args.bench not in known:
         raise InputError(
@@ -505,9 +529,12 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
             allowed=f"one of {', '.join(known)}",
         )
 
+    # A pile does not use the options of a bed, and a bed not those of a pile.
     unused_options = BED_OPTIONS if args.bench in pile_tests else PILE_OPTIONS
     for name in unused_options:
         value = getattr(args, name)
+        # An option that was not given is None or an empty list. A length or a scale of
+        # 0 is of no use either.
         if value:
             option = f"--{name.replace('_', '-')}"
             raise InputError(
@@ -542,7 +569,9 @@ def _select_readable_pictures(names: Iterable[str]) -> list[Path]:
 
 
 def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
-    """Choose where to write the overlay of each picture, and check these paths.
+    """Choose where to write the overlay of each photograph, and check all paths.
+
+    An overlay is a copy of a photograph that shows what was measured.
 
     Parameters
     ----------
@@ -554,7 +583,7 @@ def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
     Returns
     -------
     list of Path
-        The path of a PNG for each picture, with the same name.
+        The path of a PNG for each photograph, with the same name except for the suffix.
 
     Raises
     ------
@@ -565,6 +594,7 @@ def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
     from repose.common.ledger import check_replaceable
 
     overlays = [Path(out) / f"{path.stem}.png" for path in pictures]
+    # Copies of the same file have the same hash.
     hashes = [hash_file(path) for path in pictures]
     for path, overlay, content_hash in zip(pictures, overlays, hashes, strict=True):
         # No two pictures may have the same name or the same content.
@@ -607,7 +637,8 @@ def _measure_piles(
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the subcommand `measure`.
+        The options of the subcommand `measure`. `lens`, `out`, `doubtful`, `bench` and
+        `json` are used.
     pictures : list of Path
         The photographs.
     overlays : list of Path
@@ -630,8 +661,8 @@ def _measure_piles(
         write_tables,
     )
 
-    # Measure the photographs. The overlays are written even if none can be measured,
-    # because they show why.
+    # Measure the photographs. Write the overlays before the next check: if no
+    # photograph can be measured, they show why.
     lens_pictures = [Path(name) for name in args.lens]
     photographs = measure_photographs(
         pictures, settings, scale=scale, lens_paths=lens_pictures
@@ -639,7 +670,8 @@ def _measure_piles(
     _write_overlays(photographs, overlays)
     _require_measured_pile(photographs, overlays)
 
-    # Write and print the numbers.
+    # Write and print the numbers. With --doubtful, doubtful photographs are included in
+    # the means.
     out = Path(args.out)
     results = make_tables(photographs, settings, args.doubtful)
     responses = _find_photographed_piles()[args.bench]
@@ -707,8 +739,8 @@ def _measure_beds(
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the subcommand `measure`. The study of --config has the sizes of
-        the drum or the box.
+        The options of the subcommand `measure`. `config`, `bench`, `points`, `out` and
+        `json` are used. The study of --config has the sizes of the drum or the box.
     pictures : list of Path
         The photographs.
     overlays : list of Path
@@ -732,10 +764,10 @@ def _measure_beds(
             "command line",
             key="--config",
             value=None,
-            allowed=f"a study, whose section {args.bench} has the measures",
+            allowed=f"a study whose section {args.bench} has the dimensions",
         )
     scene = SceneSettings(load_study(args).config)
-    # Refuse a study without a section of this bench test.
+    # A study without a section of this bench test is an error.
     require_section(scene.config, args.bench)
 
     # Measure the photographs, and show in an overlay what was measured.
@@ -750,12 +782,13 @@ def _measure_beds(
         write_image(overlay, photographs.stack_views(result.views))
     _require_measured_bed(results, args.bench)
 
-    # Write the tables. Each number that is measured in a bed has the name of its
-    # response.
+    # Write the tables. `write_tables` needs the response of each measured number. For a
+    # bed, both have the same name.
     out = Path(args.out)
     tables = photographs.make_tables(results, args.bench)
     responses = {name: name for name in photographs.RESPONSES[args.bench]}
     write_tables(tables, settings, out=out, bench=args.bench, responses=responses)
+    # The bench test `turning` is the turning drum.
     if args.bench == "turning":
         turning = scene.section("turning", TurningSettings)
         profile = photographs.find_median_profile(results, turning)
@@ -789,7 +822,7 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
     """Read the scale of the photographs from the options.
 
     The options --mm-per-pixel and --length give the scale directly. Without them the
-    scale is found later, from the sheet of squares in each photograph.
+    scale is found later, from the printed sheet of squares in each photograph.
 
     Parameters
     ----------
@@ -799,7 +832,8 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
     Returns
     -------
     Scale
-        The scale, or the size of the squares from which it is found.
+        The size of a pixel. If it is still unknown, only the size of the squares from
+        which it is found.
 
     Raises
     ------
@@ -817,7 +851,8 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
         )
     _require_between("--square-mm", args.square_mm, low=1, high=1000)
     if args.length:
-        return _compute_scale_of_length(args)
+        # This also checks that --lens was not given.
+        return _compute_scale_from_length(args)
     if args.mm_per_pixel is not None:
         _require_between("--mm-per-pixel", args.mm_per_pixel, *PIXEL_SIZE_LIMITS_MM)
         _reject_lens(args)
@@ -825,24 +860,26 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
     return Scale(args.square_mm, base_row=args.base_row)
 
 
-def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
-    """Compute the scale from a level line of known length.
+def _compute_scale_from_length(args: argparse.Namespace) -> "Scale":
+    """Compute the scale of photographs from a level line of known length.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The options. `length` has the length in mm, then column and row of each end in
-        pixels.
+        The options of the subcommand `measure`. `length` has the length in mm, then
+        column and row of each end in pixels. `square_mm` and `base_row` are passed on,
+        and `lens` must be empty.
 
     Returns
     -------
     Scale
-        The size of a pixel, the slope of the line, and its ends.
+        The size of a pixel, the angle by which the line is tilted, and its ends.
 
     Raises
     ------
     InputError
-        If the line is too short or not level, or its scale is out of range.
+        If the line is too short or not level, if its scale is out of range, or if
+        --lens was given.
     """
     from repose.measure.photographs.photograph import (
         LARGEST_LEVEL_DEG,
@@ -851,16 +888,19 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
         measure_level_length,
     )
 
+    # Column and row of the left end, then of the right end.
     length_mm, *ends_px = args.length
     _require_between("--length", length_mm, low=1, high=1e5)
-    result = measure_level_length(*args.length)
+    result = measure_level_length(length_mm, *ends_px)
     if result is None:
         raise InputError(
             "command line",
             key="--length",
             value=args.length,
-            allowed=f"ends at least {SHORTEST_LENGTH_PX} pixels apart, left first, level to "
-            f"{LARGEST_LEVEL_DEG:g} degrees",
+            allowed=(
+                f"ends at least {SHORTEST_LENGTH_PX} pixels apart, the left one first, on "
+                f"a line that is level within {LARGEST_LEVEL_DEG:g} degrees"
+            ),
         )
     mm_per_pixel, level_deg = result
     _require_between("--length", mm_per_pixel, *PIXEL_SIZE_LIMITS_MM)
@@ -875,13 +915,16 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
 
 
 def _reject_lens(args: argparse.Namespace) -> None:
-    """Refuse --lens, which needs the sheet, if the scale does not come from the sheet."""
+    """Raise an InputError if --lens was given, which needs the printed sheet.
+
+    Call this function if the scale does not come from the sheet.
+    """
     if args.lens:
         raise InputError(
             "command line",
             key="--lens",
             value=args.lens,
-            allowed="with the printed sheet as the scale",
+            allowed="only photographs whose scale comes from the printed sheet",
         )
 
 
@@ -899,10 +942,11 @@ def _require_between(option: str, value: float, low: float, high: float) -> None
 def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     """Make the settings of the measurement from the study of --config and the options.
 
-    Without a study these are the default settings. The height of a grain comes from
-    --grain-mm, from the study, or from measured sizes, in this order. Without a study
-    the measured sizes are those in sizes.csv in the working folder, if there is such a
-    file.
+    Without a study the settings are the defaults. The height of a grain
+    (`berry_height_mm`) comes from the first of these sources that has it: the option
+    --grain-mm, the settings of the study, the measured sizes. The measured sizes are
+    those of the study. Without a study they are in the file sizes.csv in the working
+    folder, if there is one.
 
     Parameters
     ----------
@@ -929,7 +973,7 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
         sizes_csv = study.berry.sizes
         keeps_volume = study.berry.keeps_volume
 
-    # Set the height of a grain.
+    # Set the height of a grain. The settings are immutable, so make a changed copy.
     if args.grain_mm is not None:
         return settings.model_copy(update={"berry_height_mm": args.grain_mm})
     if settings.berry_height_mm is None and sizes_csv is not None:
@@ -978,13 +1022,17 @@ def _read_mean_axes(sizes_csv: str, keeps_volume: bool) -> dict[str, float]:
         "--square-mm",
         type=float,
         default=20.0,
-        help="side of a square, from 5 to 25 (20)",
+        help="side of a square in mm, from 5 to 25 (20)",
     ),
     out="sheet.pdf",
     config=False,
 )
 def marker(args: argparse.Namespace) -> None:
     """Write the sheet (PDF, A4) for the scale, tilt and lens of a photograph.
+
+    The sheet has a pattern of squares. It is printed and photographed with the pile, so
+    that the size of a pixel, the tilt of the camera and the distortion of its lens can
+    be found.
 
     Examples
     --------
@@ -1003,7 +1051,7 @@ def marker(args: argparse.Namespace) -> None:
         )
     write_bytes(args.out, sheet.make_pdf(args.square_mm))
     print(
-        f"print {args.out} at 100 %, check its line of 100 mm, cut it out: "
+        f"print {args.out} at 100 %, check its line of 100 mm, and cut it out; see "
         "`repose docs photographs`"
     )
 
@@ -1011,9 +1059,12 @@ def marker(args: argparse.Namespace) -> None:
 @subcommand(
     Option(
         "heap",
-        help=".npz file that the subcommand pour or heap wrote; its first seed is shown",
+        help=".npz file that `repose heap` or `repose stage pour` wrote; the run with its "
+        "first seed is shown",
     ),
-    Option("--particle", required=True, help="particle.json of that heap"),
+    Option(
+        "--particle", required=True, help="particle.json, the shape of these grains"
+    ),
     Option(
         "--azimuth", type=float, default=0.0, help="direction of view in degrees (0)"
     ),
@@ -1048,7 +1099,7 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 
 @subcommand(
-    Option("picture", help="file of the subcommand silhouette"),
+    Option("picture", help="side view that `repose stage silhouette` wrote"),
     Option(
         "--overlay",
         default="overlay.png",
@@ -1059,7 +1110,7 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     out="measured.json",
 )
 def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Measure a side view of the subcommand silhouette, as a photograph is measured.
+    """Measure a drawn side view of a pile in the same way as a photograph.
 
     Examples
     --------

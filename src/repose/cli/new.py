@@ -38,18 +38,25 @@ def new(args: argparse.Namespace) -> None:
 
 
 def _check_name(name: str) -> None:
-    """Raise an InputError unless a crop, its study and its folder may have this name."""
+    """Check that the name of a new crop is allowed, and that it has no folder yet.
+
+    Raises
+    ------
+    InputError
+        If the label of a study may not have this form, or if there is a file or folder
+        of this name.
+    """
     from repose.common import faults
     from repose.config.models import make_settings_type
 
     # The name becomes the label of the study.
-    model = make_settings_type()
-    if not faults.is_valid_value("label", name, model):
+    settings_type = make_settings_type()
+    if not faults.is_valid_value("label", name, settings_type):
         raise InputError(
             "command line",
             key="new",
             value=name,
-            allowed=faults.describe_allowed_values("label", model),
+            allowed=faults.describe_allowed_values("label", settings_type),
         )
 
     # Unlike `Path.exists`, this function also finds a broken link.

@@ -42,7 +42,7 @@ def _load_own_study(args: argparse.Namespace, runs_csv: str | None = None) -> "S
 
     _require_own_simulator(args)
     study = Study.own(args.config, runs_csv)
-    _warn_of_unread_keys_and_wide_ranges(args.config, study)
+    _print_configuration_warnings(args.config, study)
     return study
 
 
@@ -71,8 +71,8 @@ def _require_own_simulator(args: argparse.Namespace) -> None:
     )
 
 
-def _warn_of_unread_keys_and_wide_ranges(config_path: str, study: "Study") -> None:
-    """Warn of keys that the strategy does not use, and of ranges that are too wide.
+def _print_configuration_warnings(config_path: str, study: "Study") -> None:
+    """Print a warning about unused keys, and one about each range that is too wide.
 
     Parameters
     ----------
@@ -85,6 +85,7 @@ def _warn_of_unread_keys_and_wide_ranges(config_path: str, study: "Study") -> No
     from repose.calibrate.study_file import list_unread_keys
     from repose.common.reading import read_yaml
 
+    # The study has defaults for all keys, so read which keys the user's file has.
     unread_keys = list_unread_keys(read_yaml(config_path))
     if unread_keys:
         _warn(
@@ -119,6 +120,8 @@ def _warn(text: str) -> None:
 def tell(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: add a table of runs to the record of all runs.
 
+    The record is the file of --out. The subcommands ask and tell are used in turn.
+
     Examples
     --------
     $ repose tell new_runs.csv --config own.yaml --out own/runs.csv
@@ -127,7 +130,8 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     from repose.calibrate.strategies.runs import count_runs_without_results
     from repose.common.tables import print_columns
 
-    # Add the new runs, and show what was read of them.
+    # Add the new runs, and show what was read: a line for each column of numbers, and a
+    # warning about each column that is not used.
     record = Record(study, args.out)
     rows = record.add_file(args.runs)
     print_columns(args.runs)
@@ -137,8 +141,8 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     if n_empty:
         _warn(
             f"{args.runs}: rows without results: {n_empty}. These runs count as failed. "
-            "To add their results later, tell these rows again before those of the next "
-            "runs"
+            "To add their results later, call `repose tell` with these rows again, before "
+            "you tell the next runs"
         )
 
     # Print the number of all runs in the record, and of those that failed.
@@ -199,7 +203,8 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
             file=sys.stderr,
         )
 
-    # `ask` returns the runs, and stores in the study why the strategy proposes them.
+    # `ask` returns the runs, and stores in `study.proposal` why the strategy proposes
+    # them. The proposal of the answer has no runs.
     next_runs = study.ask()
     write_table(args.out, next_runs)
 
@@ -213,36 +218,46 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
 def _print_findings(study: "Study") -> None:
     """Print what the strategy has found out from the runs so far.
 
-    Before the first runs there is nothing to print.
+    This is a warning on stderr if the noise is uncertain, and on stdout how probable it
+    is that the best point meets the targets. Before the first runs nothing is printed.
 
     Parameters
     ----------
     study : Study
         The study, after a call of `Study.ask`.
     """
-    findings = study.proposal.notes
+    notes = study.proposal.notes
     runs = study.runs
-    if not findings or runs.empty:
+    if not notes or runs.empty:
         return
-    warning = _warn_of_noise(study, runs)
+    warning = _make_noise_warning(study, runs)
     if warning is not None:
         _warn(warning)
-    if "probability" in findings:
+    # Only the sequential strategy notes this probability.
+    if "probability" in notes:
         tolerance = study.settings.sequential.tolerance_percent
         print(
             f"{len(runs)} runs; the best point lies within {tolerance:g} % of all "
-            f"targets with probability {findings['probability']:.2f}"
+            f"targets with probability {notes['probability']:.2f}"
         )
 
 
-def _warn_of_noise(study: "Study", runs: "pd.DataFrame") -> str | None:
-    """Warn of runs that show the noise badly or not at all; None if they show it.
+def _make_noise_warning(study: "Study", runs: "pd.DataFrame") -> str | None:
+    """Make a warning if the noise cannot be estimated well from the runs so far.
+
+    The noise is the scatter of the responses of runs with the same parameters.
 
     Parameters
     ----------
     study : Study
+        The study.
     runs : pandas.DataFrame
         All runs so far, at least one.
+
+    Returns
+    -------
+    str or None
+        The text of the warning; None if there is nothing to warn about.
     """
     from repose.calibrate.strategies.sequential.strategy import (
         arrange_runs,
@@ -256,7 +271,8 @@ def _warn_of_noise(study: "Study", runs: "pd.DataFrame") -> str | None:
     try:
         return estimate_noise(study, observed).warning
     except InputError:
-        # The strategy asks for further runs, because it needs more good ones.
+        # There are too few good runs for an estimate. This is no error here, because
+        # the strategy asks for further runs.
         failed_text = f"; {n_failed} of them failed{statuses}" if n_failed else ""
         return f"the runs so far do not show the noise of a run{failed_text}"
 

@@ -127,7 +127,9 @@ def read_parameters(
 def _read_assigned_parameters(
     assignments: Sequence[str], study: PipelineConfig
 ) -> dict[str, float]:
-    """Read the contact parameters of --set, and take the centre of all other ranges.
+    """Read the contact parameters of --set.
+
+    A parameter that is not given has the centre of its range.
 
     Parameters
     ----------
@@ -144,7 +146,7 @@ def _read_assigned_parameters(
     Raises
     ------
     InputError
-        If the study has no parameter of a name, or a value is not allowed.
+        If a name is not that of a parameter of the study, or a value is not allowed.
     """
     texts = split_pairs(assignments, "--set")
 
@@ -152,12 +154,12 @@ def _read_assigned_parameters(
     names = study.parameters.names
     for name, text in texts.items():
         if name not in names:
-            known = ", ".join(f"{known} ({LABELS[known]})" for known in names)
+            known_names = ", ".join(f"{known} ({LABELS[known]})" for known in names)
             raise InputError(
                 "command line",
                 key=f"--set {name}",
                 value=text,
-                allowed=f"a parameter of {known}",
+                allowed=f"a parameter of {known_names}",
             )
 
     values = dict(study.parameters.centre)
@@ -239,8 +241,7 @@ def choose_seeds(
     args : argparse.Namespace
         The options. Either --seed lists the seeds, or --seeds states how many are
         drawn. They are drawn as in a study, from the stream of --purpose and for the
-        sample of
-        --sample.
+        sample of --sample.
     study_seed : int
         The seed of the study.
     apparatus : str, optional

@@ -45,14 +45,18 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
     $ repose film results/try/heap_trajectory_1.npz --particle results/berry/particle.json
     """
     from repose.grain.particle import Particle
+
+    # This module has the name of the subcommand.
     from repose.report.renderer import film as animation
     from repose.report.renderer import scenery
 
+    # The sections of the bench tests are not known to the type checker.
     settings: Any = study.settings
     particle = Particle.load(args.particle)
     frames = SMALL_FILM_FRAMES if settings.small_run else FILM_FRAMES
 
-    # The walls of a drum turn, whereas those of a pour are at rest.
+    # The walls of a drum turn, so they are drawn anew in each picture. Those of the
+    # funnel are at rest, and are made once.
     if args.drum:
         animation.animate_drum(
             args.trajectory,

@@ -89,19 +89,19 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.stages.job import run_job
 
     job = _make_job_arguments(args, study, args.apparatus)
-    pours = run_job(**job, keep_runs=args.keep_runs)
-    print(pours)  # the path of the file that describes the runs
+    pours_json = run_job(**job, keep_runs=args.keep_runs)
+    print(pours_json)
     if args.measure:
-        _measure_and_store(args, study, scene=job["scene"], pours=pours)
+        _measure_and_store(args, study, scene=job["scene"], pours_json=pours_json)
 
 
 def _measure_and_store(
-    args: argparse.Namespace, study: PipelineConfig, scene: "Scene", pours: Path
+    args: argparse.Namespace, study: PipelineConfig, scene: "Scene", pours_json: Path
 ) -> None:
     """Measure saved runs and store the result, unless it has already been stored.
 
-    The record of the result names the stage measure_runs, which can then use the
-    result.
+    The subcommand measure_runs can then use the result, but only if its record of
+    provenance names measure_runs and not pour.
 
     Parameters
     ----------
@@ -111,19 +111,22 @@ def _measure_and_store(
         The study.
     scene : Scene
         The scene of the runs.
-    pours : Path
+    pours_json : Path
         The file NAME.pours.json that describes the saved runs.
     """
+    # This function is not the subcommand `measure_runs` of this module.
+    from repose.stages import job as saved_job
     from repose.stages import kept_runs
-    from repose.stages.job import measure_runs
 
     # Record the result as if the subcommand measure_runs had been called with this
-    # file.
-    options = vars(args) | {"subcommand": "measure_runs", "pours": [str(pours)]}
+    # file: replace its name in the options, and add its positional argument `pours`.
+    options = vars(args) | {"subcommand": "measure_runs", "pours": [str(pours_json)]}
     with record_subcommand(argparse.Namespace(**options), "measured"):
+        # The record states the settings of this configuration.
         provenance.note_config(study.config)
-        if kept_runs.read_measurement(pours) is None:
-            kept_runs.write_measurement(pours, measure_runs(scene, pours))
+        if kept_runs.read_measurement(pours_json) is None:
+            result = saved_job.measure_runs(scene, pours_json)
+            kept_runs.write_measurement(pours_json, result)
 
 
 @subcommand(
@@ -144,10 +147,11 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.stages.job import measure_job, run_job
 
     job = _make_job_arguments(args, study, "funnel")
-    pours = run_job(**job)
-    result = measure_job(job["scene"], pours)
+    pours_json = run_job(**job)
+    result = measure_job(job["scene"], pours_json)
     runs = result["runs"]
     if not args.json:
+        # `summary` of a bench test is the text with which it describes a run.
         _print_runs(runs, job["test"].summary)
         return
     # If there is one run, print its numbers without the other entries of the job.
@@ -198,6 +202,8 @@ def _make_job_arguments(
 ) -> dict[str, Any]:
     """Turn the options of a subcommand into the arguments of `repose.stages.job.run_job`.
 
+    The keys of the result must be the names of the parameters of `run_job`.
+
     Parameters
     ----------
     args : argparse.Namespace
@@ -221,11 +227,13 @@ def _make_job_arguments(
     from repose.bench.settings import SceneSettings
     from repose.dem.io.progress import show_progress
 
+    # The bench test, its settings in the configuration, the parameters and the seeds.
     test = bench(apparatus, "command line")
     require_section(study.config, apparatus)
     values = read_parameters(args.set, args.samples, sample=args.sample, study=study)
     seeds = choose_seeds(args, study.settings.design.seed, apparatus)
 
+    # The time between the frames of a trajectory must fit the duration of the run.
     step_s = study.settings.simulation.time_step_s
     duration_s = test.duration_s(SceneSettings(study.config))
     _check_interval(args.trajectory, step_s, duration_s)
@@ -292,20 +300,22 @@ def _list_pours_files(args: argparse.Namespace) -> list[Path]:
         "pours",
         nargs="+",
         find_files=_list_pours_files,
-        help="NAME.pours.json files of pour or heap, with NAME.npz in their folder; or a folder, of all --samples",
+        help="files NAME.pours.json, which `repose heap` or `repose stage pour` wrote, "
+        "with NAME.npz next to each; or a folder that has these files for all --samples",
     ),
-    SAMPLES.with_changes(help="the samples of a folder"),
+    SAMPLES.with_changes(help="table of samples, whose runs are read from a folder"),
     Option(
-        "--out", help="folder for NAME.json (the folder of the pours)", recorded=False
+        "--out", help="folder for NAME.json (the folder of the runs)", recorded=False
     ),
     *BERRY_AND_PARTICLE,
     KEEP_RUNS.with_changes(
-        help="store each measurement with its runs, and do not repeat a stored one"
+        help="store each measurement with its runs; a measurement that was stored with "
+        "the same settings is not repeated"
     ),
     runs="measured",
 )
 def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Measure saved runs of any bench test, without running it again.
+    """Measure saved runs of any bench test, without running the bench test again.
 
     Examples
     --------
@@ -332,7 +342,7 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
 def drum(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Fill a drum and turn it until the bed slips.
 
-    The runs are saved for drum_tables, and the measurement is printed.
+    The runs are saved for the stage drum_tables, and the measured runs are printed.
 
     Examples
     --------

@@ -111,10 +111,11 @@ CONFIG = Option(
 
 
 class NoteGivenOption(argparse.Action):
-    """An option that adds its name to the set ``namespace.given``.
+    """The action of argparse for an option that notes that the user gave it.
 
-    A subcommand can then distinguish an option that the user gave from a default. If an
-    option is repeated, the last value is used.
+    It stores the value, and adds the name of the option to the set ``namespace.given``.
+    A subcommand can then distinguish a value that the user gave from a default
+    (`was_given`). If an option is repeated, the last value is used.
     """
 
     def __call__(
@@ -215,7 +216,8 @@ class Subcommand(NamedTuple):
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         parser.set_defaults(subcommand=self.name)
-        # Record which options the user gives, unless the option has another action.
+        # Note which options the user gives, unless the option has an action of its own:
+        # on the right of |, the keywords of the option replace the default action.
         for option in self.options:
             keywords = option.keywords
             if not option.is_positional:
@@ -258,8 +260,10 @@ def subcommand(
 ) -> Callable[[Callable], Callable]:
     """Register the decorated function as a subcommand of the same name.
 
-    The docstring of the function becomes the help. It must end with a section
-    "Examples" that has one call of the subcommand.
+    The function is called with the parsed options and, unless `config` is False, with
+    the study. Its docstring becomes the help. It must end with a section "Examples"
+    that has one call of the subcommand. The function is put into the table
+    `SUBCOMMANDS` of this module, when the module that defines it is imported.
 
     Parameters
     ----------
@@ -270,11 +274,12 @@ def subcommand(
     config : bool or Option, optional
         True for the usual option --config, an option that replaces it, or False for a
         subcommand without a study.
-    study : callable or None, optional
-        Function that makes the study from the parsed options. The decorated function
-        gets the study as its second argument.
+    study : callable, optional
+        Function that makes the study from the parsed options. It is not used if
+        `config` is False.
     **fields
-        Further fields of `Subcommand`: `forwards_words` and `runs`.
+        Further fields of `Subcommand`: `forwards_words` (whether unknown options are
+        accepted) and `runs` (whether the results are runs).
 
     Returns
     -------

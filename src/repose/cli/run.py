@@ -24,7 +24,10 @@ LIST_KEYWORDS: dict[str, Any] = {
     "default": [],
     "recorded": False,
 }
-FILES_HELP = "each over the one before it; one of the program's own needs no copy"
+FILES_HELP = (
+    "each overrides the one before it; a configuration of the program itself can be "
+    "named without copying it"
+)
 # If a signal ends a program, its exit status is this number plus that of the signal.
 SIGNAL_STATUS = 128
 DRY_RUN_WORDS = {"-n", "--dry-run", "--dryrun"}
@@ -51,26 +54,43 @@ FORWARDED_OPTIONS = (
         **LIST_KEYWORDS,
     ),
     Option(
-        "--config", "-C", metavar="KEY=VALUE", help="over the files", **LIST_KEYWORDS
+        "--config",
+        "-C",
+        metavar="KEY=VALUE",
+        help="values that override those in the files",
+        **LIST_KEYWORDS,
     ),
-    Option("--cores", "-c", metavar="N", help="cores (all)"),
-    Option("--jobs", "-j", metavar="N", help="jobs at a time, on a cluster"),
+    Option("--cores", "-c", metavar="N", help="number of cores to use (all)"),
+    Option(
+        "--jobs",
+        "-j",
+        metavar="N",
+        help="number of jobs at the same time, on a cluster",
+    ),
     Option(
         "--profile",
         metavar="FOLDER",
         help="profile of snakemake, such as profiles/slurm",
     ),
-    Option("--workflow-profile", metavar="FOLDER", help="in place of profiles/default"),
-    Option("--directory", "-d", metavar="FOLDER", help="folder to run in"),
-    Option("--snakefile", "-s", metavar="FILE", help="another workflow"),
-    Option("--list", action="store_true", help="name the studies with their cost"),
+    Option(
+        "--workflow-profile",
+        metavar="FOLDER",
+        help="profile to use instead of profiles/default",
+    ),
+    Option("--directory", "-d", metavar="FOLDER", help="folder in which to run"),
+    Option("--snakefile", "-s", metavar="FILE", help="workflow to run instead of ours"),
+    Option(
+        "--list",
+        action="store_true",
+        help="list the names of the studies with their cost, and run nothing",
+    ),
     config=False,
     forwards_words=True,
 )
 def run(args: argparse.Namespace) -> int:
     """Run the whole study here, or the named targets, which stand before the options.
 
-    Every further option goes to snakemake (snakemake --help).
+    Every other option is passed on to snakemake (snakemake --help).
 
     Examples
     --------
@@ -86,7 +106,8 @@ def run(args: argparse.Namespace) -> int:
             allowed="snakemake, which comes with: pip install 'repose-dem[workflow]'",
         ) from None
 
-    # A configuration of the program itself may be named without its folder.
+    # Check all options before snakemake starts. A configuration of the program itself
+    # may be named without its folder.
     args.configfile = [str(places.find_file(path)) for path in args.configfile]
     _check_number("--cores", args.cores, "all")
     _check_number("--jobs", args.jobs, "unlimited")
@@ -102,15 +123,20 @@ def run(args: argparse.Namespace) -> int:
 
     arguments = build_snakemake_arguments(args)
     status = call_snakemake(snakemake_main, arguments)
+    # `args.words` is the whole command line, and `args.rest` the part of it that is not
+    # an option of `run`.
     if status > SIGNAL_STATUS:
+        # A signal, such as that of Ctrl-C, has ended the run.
         _print_how_to_continue(args.words)
     elif status != 0:
+        # The reason may be a mistyped target. Look for one only now, because listing
+        # the rules takes as long as starting snakemake.
         _check_targets(args.rest, arguments)
     return status
 
 
 def _check_number(option: str, text: str | None, word: str) -> None:
-    """Refuse a number of cores or jobs that is not a whole number from 1.
+    """Raise an InputError unless a number of cores or jobs is a whole number from 1.
 
     With 0 snakemake would wait for ever.
 
@@ -136,7 +162,15 @@ def _check_number(option: str, text: str | None, word: str) -> None:
 
 
 def _check_folder(args: argparse.Namespace) -> None:
-    """Refuse a working folder that does not exist or cannot be written."""
+    """Check the folder in which snakemake will run.
+
+    Raises
+    ------
+    InputError
+        If the folder of --directory does not exist. Without this option, if the user
+        may not write in the working folder and snakemake would have to.
+    """
+    # Snakemake itself reports a folder of --directory in which it cannot write.
     if args.directory is not None:
         if not os.path.isdir(args.directory):
             raise InputError(
@@ -173,33 +207,25 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
 
     for path in args.configfile:
         read_yaml(path)
+    keys = []
     for entry in args.config:
-        key, sign, value = entry.partition("=")
-        if not sign and Path(entry).suffix in CONFIG_SUFFIXES:
+        key, equals_sign, value = entry.partition("=")
+        keys.append(key)
+        mistake = None
+        if not equals_sign and Path(entry).suffix in CONFIG_SUFFIXES:
+            mistake = f"KEY=VALUE; a file is given by --configfile {entry}"
+        elif not equals_sign:
+            # The option takes all words up to the next option, also a target.
+            mistake = "KEY=VALUE; a target goes before the options"
+        elif not key.isidentifier():
+            # Snakemake does not accept dotted keys.
+            mistake = f"a section with its keys, as in '{_nest_in_section(key, value)}'"
+        if mistake is not None:
             raise InputError(
-                "command line",
-                key="--config",
-                value=entry,
-                allowed=f"KEY=VALUE; a file is given by --configfile {entry}",
-            )
-        if not sign:
-            raise InputError(
-                "command line",
-                key="--config",
-                value=entry,
-                allowed="KEY=VALUE; a target goes before the options",
-            )
-        # Snakemake does not accept dotted keys.
-        if not key.isidentifier():
-            raise InputError(
-                "command line",
-                key="--config",
-                value=entry,
-                allowed=f"a section with its keys, as in '{_nest_in_section(key, value)}'",
+                "command line", key="--config", value=entry, allowed=mistake
             )
 
     # If a key were given twice, Snakemake would silently take the last value.
-    keys = [entry.partition("=")[0] for entry in args.config]
     for key in keys:
         if keys.count(key) > 1:
             raise InputError(
@@ -236,10 +262,12 @@ def _choose_cache_folder(folder: str) -> None:
 
 
 def _check_targets(words: list[str], arguments: list[str]) -> None:
-    """Refuse a target that snakemake did not find and that is probably mistyped.
+    """Raise an InputError for a target that is probably mistyped.
 
-    A name must be that of a rule of the workflow. A path is refused if it is similar to
-    the path of a result. Snakemake has already reported all other faults.
+    This is called after snakemake has failed, and has printed its own message, which
+    may not name the mistake. A target that is a name must be that of a rule of the
+    workflow. A target that is a path is wrong if it only resembles the path of a
+    result.
 
     Parameters
     ----------
@@ -254,7 +282,9 @@ def _check_targets(words: list[str], arguments: list[str]) -> None:
     InputError
         For the first such target.
     """
-    # Targets come before the options. A word after an option may be its value.
+    # Targets come before the options. A word after an option may be its value. The
+    # options of `run` are those arguments of snakemake that are not in `words`. The
+    # name of a rule is an identifier of Python.
     targets = list(itertools.takewhile(lambda word: not word.startswith("-"), words))
     options = [argument for argument in arguments if argument not in words]
     rule_names = [target for target in targets if target.isidentifier()]
@@ -355,8 +385,9 @@ def build_snakemake_arguments(args: argparse.Namespace) -> list[str]:
     if not (args.cores or args.jobs or has_profile):
         values["cores"] = "all"
 
-    # The last option in `FORWARDED_OPTIONS` takes exactly one value. An option with
-    # several values would read the target that follows as a value.
+    # Each value is a text or a list of texts. The order of `FORWARDED_OPTIONS` matters:
+    # the last option takes exactly one value. An option that takes several values would
+    # read the targets in `args.rest`, which follow, as further values.
     words = []
     for name in FORWARDED_OPTIONS:
         value = values[name]
@@ -391,10 +422,12 @@ def call_snakemake(main: Callable[[list[str]], object], arguments: list[str]) ->
         try:
             main(arguments)
         except KeyboardInterrupt:
-            # The signal is in `interruption`.
+            # A signal has ended the run; `interruption` has its number.
             pass
         except SystemExit as end:
+            # Snakemake always ends with a number. Anything else counts as a failure.
             status = end.code if isinstance(end.code, int) else 1
+    # A signal explains any other status.
     if interruption.signal_number is not None:
         return SIGNAL_STATUS + interruption.signal_number
     return status

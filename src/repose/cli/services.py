@@ -15,7 +15,7 @@ from repose.stages import published
 
 @subcommand(JSON)
 def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Measure the speed of the simulator.
+    """Measure the speed of the simulator with the grain of a study.
 
     The result is in microseconds per step and seconds per pour. A reference calculation
     gives the speed of the machine.
@@ -26,11 +26,13 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.bench import speed
 
-    # Simulate the study's grain with the parameters of the published answer.
+    # Simulate the grain of the study. The contact parameters are those of the published
+    # answer, so that measurements of different studies can be compared.
     settings = study.settings
     parameters = published.read_representative(
         settings.validation.published, study.parameters.names
     )
+    # The simulated grain by the name of its kind of shape, such as ellipsoid.
     particles = {settings.berry.particle: study.particle}
     result = speed.run(
         study.config, particles, berry=study.grain, parameters=parameters
@@ -45,7 +47,8 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
 def provenance(args: argparse.Namespace) -> None:
     """Print the provenance of a result.
 
-    It consists of the stage, settings, engine, origin, seed, versions and processor.
+    It states from what a result was made: the stage, settings, engine, origin, seed,
+    versions and processor.
 
     Examples
     --------
@@ -53,12 +56,14 @@ def provenance(args: argparse.Namespace) -> None:
     """
     from repose.common import attached
 
-    # Refuse a missing file, and a file without a record.
-    allowed = "a file that a subcommand of repose wrote"
-    is_file = Path(args.result).is_file()
-    if not is_file:
+    # A missing file is a fault of the command line. A file without a record is itself
+    # the source of the fault.
+    if not Path(args.result).is_file():
         raise InputError(
-            "command line", key="provenance", value=args.result, allowed=allowed
+            "command line",
+            key="provenance",
+            value=args.result,
+            allowed="a file that a subcommand of repose wrote",
         )
     record = attached.read_record(args.result)
     if record is None:

@@ -44,14 +44,19 @@ def run_as_stage(
 def record_subcommand(
     args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
 ) -> AbstractContextManager[None]:
-    """Attach the record of a subcommand to every file that is written in the context.
+    """Make a context in which every file that is written gets a record of provenance.
+
+    The record states the subcommand, its input files and the settings that it reads.
+    `repose.common.provenance.record_stage` makes it. This function tells it how to find
+    the settings and how to check the input files.
 
     Parameters
     ----------
     args : argparse.Namespace
         The parsed options of the subcommand, and its name as `subcommand`.
-    runs : str, optional
-        Whether the results are runs, as in `repose.common.provenance.record_stage`.
+    runs : {"", "made", "measured"}
+        Whether the results are runs that the subcommand simulates ("made"), runs that
+        it measures ("measured"), or not runs ("").
 
     Returns
     -------
@@ -60,7 +65,9 @@ def record_subcommand(
     """
     strategy = getattr(args, "strategy", None)
 
-    def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
+    # Both functions are only called once a configuration has been read. They import the
+    # table of dependencies then, because other subcommands do not need it.
+    def select_settings(config: Mapping[str, Any], apparatus: str | None) -> Any:
         """Select the settings on which the results of this subcommand depend."""
         from repose.config import dependencies
 
@@ -68,8 +75,8 @@ def record_subcommand(
             config, args.subcommand, apparatus=apparatus, strategy_name=strategy
         )
 
-    def check(config: Mapping[str, Any], inputs: provenance.Inputs) -> None:
-        """Refuse input files of another study."""
+    def check_inputs(config: Mapping[str, Any], inputs: provenance.Inputs) -> None:
+        """Raise an InputError if an input file is a result of another study."""
         from repose.config import dependencies
 
         source = ", ".join(list_config_files(args))
@@ -78,28 +85,33 @@ def record_subcommand(
     return provenance.record_stage(
         args.subcommand,
         find_input_files(args),
-        settings_of,
+        select_settings,
         apparatus=getattr(args, "apparatus", None),
         runs=runs,
         strategy=strategy,
-        check=check,
+        check=check_inputs,
     )
 
 
 def note_built_in_crop(*files: str) -> None:
-    """Print a note if the built-in crop replaces a missing configuration.
+    """Print a note if settings were taken from the example that the program contains.
+
+    This is the configuration of a goji berry. It is used if the working folder has no
+    configuration and the user names none.
 
     Parameters
     ----------
     *files : str
-        The configuration files of the command.
+        The configuration files of the command. Without any, those in the working folder
+        or the built-in ones are used.
     """
     from repose.config import loader
 
+    # The path of the example, if it was used.
     built_in_crop = loader.find_substitute_crop(*files)
     if built_in_crop is None:
         return
-    # A study of the user's own simulator has no crop.
+    # A study of the user's own simulator needs no settings of a crop.
     for path in files:
         if "simulator" in loader.read_file(places.find_file(path)):
             return

@@ -112,7 +112,8 @@ def plausible(args: argparse.Namespace, study: PipelineConfig) -> None:
     Option(
         "pours",
         nargs="+",
-        help="NAME.pours.json files of the sets of the stage plausible",
+        help="files NAME.pours.json, the saved runs of the parameter sets that "
+        "`repose stage plausible` chose",
     ),
     *BERRY_AND_PARTICLE,
     out="results/next",
@@ -127,10 +128,11 @@ def next(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.bench import Scene
     from repose.stages import next_measurement
 
-    # Measure every response of the runs, not only those of the targets.
+    # A measurement finds the responses of the targets. To measure all responses of the
+    # runs, replace the targets by all responses. It needs no contact parameters.
     grain, particle = load_grain_and_particle(study, args.berry, args.particle)
-    every_response = {"targets": next_measurement.list_all_responses()}
-    scene = Scene.of(study.config | every_response, {}, grain=grain, particle=particle)
+    config = study.config | {"targets": next_measurement.list_all_responses()}
+    scene = Scene.of(config, parameters={}, grain=grain, particle=particle)
     table = next_measurement.write_ranking(
         args.pours,
         scene,
