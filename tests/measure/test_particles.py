@@ -327,7 +327,7 @@ def test_the_command_writes_a_table_and_refuses_pictures_beside(
     picture = tmp_path / "pile.png"
     picture.write_bytes(b"\x89PNG\r\n\x1a\n\0\0")
     error = command("measure", dump, picture, status=2).err
-    assert "files of particles alone" in error
+    assert "only files of particles" in error
 
 
 def test_positions_alone_take_a_given_radius(written, tmp_path):
@@ -364,12 +364,13 @@ def test_the_command_puts_piles_beside_the_runs_of_a_design(tmp_path, command):
     assert lifted["lifted_aor_deg"][1] == results["aor_deg"][1]
     assert lifted["lifted_height_mm"][1] == results["height_mm"][1]
     error = command("measure", pile, *given, "--bench", "drum", status=2).err
-    assert "--bench is 'drum'; expected one of funnel, lifted_cylinder, which" in error
+    assert (
+        "--bench is 'drum'; expected one of the bench tests that leave a pile: funnel"
+        in error
+    )
     other = pile.rename(tmp_path / "9_1.csv")
     error = command("measure", other, *given, status=2).err
-    assert (
-        f"expected a row of the sample and run that the name of {other} gives" in error
-    )
+    assert f"expected a row for {other}; the name of a file gives its sample" in error
     error = command("measure", other, "--radius", 0, status=2).err
     assert "--radius is 0.0; expected above 0" in error
 

@@ -165,7 +165,7 @@ def _run_subcommand(subcommand: Subcommand, args: argparse.Namespace) -> int:
 
 
 def _check_threads() -> None:
-    """Refuse a number of threads with which numba would end with a traceback."""
+    """Raise an InputError for a number of threads with which numba would fail."""
     name = "NUMBA_NUM_THREADS"
     number = os.environ.get(name, "1")
     is_number = number.isdecimal() and int(number) >= 1

@@ -50,7 +50,7 @@ def _load_with_scene_advice(args: argparse.Namespace) -> PipelineConfig:
 
 
 def _find_refused_number_of_grains(error: InputError) -> int | None:
-    """Find the number of grains, if it is the only fault of a study.
+    """Find the number of grains, if it is the only error of a study.
 
     Parameters
     ----------

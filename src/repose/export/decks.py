@@ -1,4 +1,6 @@
-"""Write a deck from a template in this folder, with numbers of at most nine digits.
+"""Write an input file of another program from a template in this folder.
+
+Numbers have at most nine digits. All input files of a program are called its deck.
 
 The templates are written in Jinja, in which a value stands in double braces. For
 example, ``{{ x | digits(6) }}`` writes x with six digits.

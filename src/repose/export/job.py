@@ -335,8 +335,8 @@ def make_equal_sphere(particle: "Particle") -> "Particle":
     the volume is computed from this radius.
     """
     mass_kg = particle.mass_kg
-    # A solid sphere has the moment of inertia 2/5 m r^2. The distance from the measured
-    # mesh is that of the particle, because no deck contains it.
+    # A solid sphere has the moment of inertia 2/5 m r^2. The copy keeps the particle's
+    # distance from the measured mesh, because no input file states it.
     if len(particle.spheres_m) == 1:
         radius_m = float(particle.spheres_m[0, 3])
         volume_m3 = 4.0 / 3.0 * math.pi * radius_m**3

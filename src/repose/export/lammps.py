@@ -1,4 +1,4 @@
-"""Write the deck of LAMMPS: spheres, or rigid molecules of spheres, in a cone."""
+"""Make the input files of LAMMPS, with spheres or rigid molecules of them in a cone."""
 
 import math
 

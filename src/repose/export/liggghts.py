@@ -1,4 +1,7 @@
-"""Write the deck of LIGGGHTS-PUBLIC 3.8: spheres or multispheres in a mesh funnel."""
+"""Make the input files of LIGGGHTS-PUBLIC 3.8, with spheres or multispheres in a mesh.
+
+The funnel is a mesh of triangles.
+"""
 
 import math
 

@@ -71,8 +71,9 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
 
     inlet = [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
     # The arc of the neck begins where it touches the cone, and ends where the wall is
-    # vertical.
-    touching_deg = 90.0 + funnel.cone_angle_deg
+    # vertical. The conversion to radians and back rounds the angle as the engine does,
+    # which computes with radians. Without it, points may differ in their last bits.
+    touching_deg = 90.0 + math.degrees(math.radians(funnel.cone_angle_deg))
     neck_edge = make_arc(funnel.neck_height_m, touching_deg, 180.0)
     outlet_edge = make_arc(funnel.outlet_height_m, 180.0, 270.0)
     if not funnel.tube_length_m:

@@ -1,8 +1,8 @@
-"""Make the template of a deck, in which parameters are replaced by names in braces.
+"""Make the template of an input file, in which names in braces replace parameters.
 
 The section `simulator` of a study reads such a template (docs/simulators.md). To find
-out which numbers of a deck depend on a parameter, the deck is written again with
-another value of this parameter.
+out which numbers of the file depend on a parameter, the file is written again with
+another value of this parameter. All input files of a program are called its deck.
 """
 
 import re
@@ -19,7 +19,7 @@ NUMBER = re.compile(r"((?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w
 # Ratio of the second value of a parameter to its first value.
 CHANGE_FACTOR = 0.5
 # Largest relative difference between numbers that are considered equal. The numbers in
-# decks are rounded to eight or nine digits.
+# input files are rounded to eight or nine digits.
 ROUNDING = 1e-6
 TEMPLATE_SUFFIX = ".j2"
 

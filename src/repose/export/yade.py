@@ -1,4 +1,4 @@
-"""Write the deck of YADE: spheres or clumps among facets."""
+"""Make the input script of YADE, with spheres or clumps among facets."""
 
 import math
 

@@ -59,10 +59,10 @@ GRAIN_HEIGHT_KEY = "berry_height_mm"
 CONFIG_FILE = "config.json"
 # Relative difference up to which a number of a card equals one of a configuration.
 RELATIVE_TOLERANCE = 1e-6
-# The gravity in a deck, if the card is from an earlier version, which does not state
+# The gravity of an export, if the card is from an earlier version, which does not state
 # it.
 DEFAULT_GRAVITY_M_S2 = 9.81
-# The configuration requires this key, but a deck does not detect rest.
+# The configuration requires this key, but exported input scripts do not detect rest.
 REST_ENERGY_J = 1.0e-9
 # Longer than any stable time step. The engine shortens it to the longest stable one.
 UPPER_TIME_STEP_S = 1.0e-2
@@ -763,7 +763,7 @@ def _is_same(first: object, second: object) -> bool:
     return first == second
 
 
-# --- rebuild the configuration and the particle of a deck -----------------------------
+# --- rebuild the configuration and the particle for an export -------------------------
 
 
 def rebuild_configuration(content: Mapping[str, Any], source: object) -> dict[str, Any]:

@@ -139,7 +139,7 @@ class SimulatorSettings(Section):
     )
 
     def contradictions(self) -> Contradictions:
-        """Refuse an empty command, and runs that leave no file to read."""
+        """Yield a contradiction if the command is empty, or if runs leave no file."""
         if not self.command:
             yield "command", COMMAND_FORM
         if self.output is None and self.particles is None:
