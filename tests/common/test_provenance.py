@@ -281,7 +281,9 @@ def test_an_input_of_another_study_is_refused_with_the_key_and_both_values(
         run(read_by, [path], lambda: files.write_json(out, {}), config, check=checked)
 
     fault = input_error(f"result.csv: {message}", read_it, other)
-    assert "as in other.json: results of one study" in str(fault)
+    assert "as in other.json, because all files must be results of one study" in str(
+        fault
+    )
     assert not (tmp_path / "out.json").exists()
     read_it(CONFIG | {"label": "other", "results_dir": "other"})
     read_it(changed(sensitivity={"samples": 128}))
