@@ -97,7 +97,7 @@ class Judge:
         columns = []
         for process in self.process.processes_:
             between = process.kernel(x, process.x)
-            solved = linalg.solve_triangular(process.root, between.T, lower=True)
+            solved = linalg.solve_triangular(process.cholesky, between.T, lower=True)
             value, vector = np.linalg.eigh(process.kernel(x) - solved.T @ solved)
             normal = random.standard_normal((count, len(x))) * np.sqrt(
                 np.maximum(value, 0)

@@ -52,8 +52,8 @@ def ways(X, Y, rows, starts, repeats=None):
     yield "evidence", first.predict
     rated = [
         first.get_network_of_start(k)
-        for k, end in enumerate(first.ends_)
-        if end["decrement"] < CONVERGED
+        for k, result in enumerate(first.start_results_)
+        if result["decrement"] < CONVERGED
     ]
     scale = Y[train].std(axis=0)
     yield (

@@ -150,7 +150,7 @@ class Sure:
     """AoR 28 + x4, Height 64 + x4; its error is least at x0 = 0.5."""
 
     inputs = ()
-    knows_its_errors = True
+    can_predict_errors = True
 
     def predict(self, X):
         return np.column_stack([28 + X[:, 4], 64 + X[:, 4]])

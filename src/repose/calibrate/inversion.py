@@ -98,7 +98,7 @@ def invert(
 
     # Put the representative first, whether it is feasible or not.
     points = result.points
-    if settings.answer == MIN_LOSS and model.knows_its_errors:
+    if settings.answer == MIN_LOSS and model.can_predict_errors:
         if result.is_supported:
             points = _put_least_loss_first(points, model, space, targets, preference)
         else:
@@ -515,7 +515,7 @@ def _find_missing_simulation(
         return {}
     representative = table[list(space.names)].to_numpy(float)[:1]
     anywhere = space.values((nearest_to_ranges[None] + 1) / 2)
-    is_beyond = support.is_beyond_ends(np.vstack([representative, anywhere]))
+    is_beyond = support.is_at_end_without_samples(np.vstack([representative, anywhere]))
     return {"stop": ENDS_NOT_SIMULATED} if is_beyond.any() else {}
 
 

@@ -93,7 +93,7 @@ def find_solutions(
     # list the parameters that lie near a bound of their range.
     summary = inversion.summary
     answer = summary["representative"]
-    if surrogate.knows_its_errors:
+    if surrogate.can_predict_errors:
         summary["representative_judged"] = expected_loss.assess_by_errors(
             surrogate, answer, targets=targets, names=parameters.names
         )

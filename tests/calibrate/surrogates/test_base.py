@@ -205,7 +205,7 @@ def test_correlated_noise_is_taken_and_what_is_no_covariance_is_refused(name):
         "positive definite", model.fit, X, Y, noise_covariance=[[1.0, 2.0], [2.0, 1.0]]
     )
     value_error(
-        "one per sample",
+        "the same for all of them",
         model.fit,
         X,
         Y,

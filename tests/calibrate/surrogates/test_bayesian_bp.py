@@ -324,7 +324,7 @@ def test_bad_data_is_refused(X, y, weights, fault):
         *((name, 0, "at least 1") for name in ("hidden", "epochs", "starts")),
         ("goal", -1.0, "at least 0"),
         ("prior", "two", "one, layers, inputs"),
-        ("scaled_range", (0.9, 0.1), "its first below its second"),
+        ("scaled_range", (0.9, 0.1), "a lower end below an upper end"),
     ],
 )
 def test_bad_settings_are_named(setting, value, allowed):
@@ -406,4 +406,4 @@ def test_a_file_with_more_or_fewer_samples_than_inputs_is_refused(
     path = tmp_path / "network.json"
     fitted[0].save(path)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"samples": samples}))
-    input_error(f"{len(samples)} samples of", load, path)
+    input_error(f"{len(samples)} numbers of samples for", load, path)

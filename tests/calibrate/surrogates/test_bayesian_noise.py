@@ -182,7 +182,7 @@ def test_a_known_noise_is_kept():
 @pytest.mark.parametrize(
     ("covariance", "allowed"),
     [
-        (np.eye(3), r"symmetric, \(2, 2\)"),
+        (np.eye(3), r"symmetric matrix of shape \(2, 2\)"),
         ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
         ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
     ],

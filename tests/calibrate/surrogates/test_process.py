@@ -39,7 +39,7 @@ def covariance(a, b):
 def noise_of(request):
     """Noise of variance 0.3 over the precision of a value, in either form."""
     if request.param == "errors":
-        return lambda precision: {"errors": 0.3 / precision}
+        return lambda precision: {"noise_variances": 0.3 / precision}
     return lambda precision: {"noise": SampleNoise(0.3, "fixed", precision)}
 
 
@@ -82,7 +82,7 @@ def test_a_process_of_known_hyperparameters_has_the_bits_of_scikit_learns():
         # The bounds of this kernel leave scikit-learn nothing to estimate.
         slow = Process(KERNEL, x, values, errors)
         process = Process(KERNEL, x, values, errors, optimizer=None)
-        np.testing.assert_array_equal(process.root, slow.root)
+        np.testing.assert_array_equal(process.cholesky, slow.cholesky)
         np.testing.assert_array_equal(process.weights, slow.weights)
         assert process.log_likelihood == slow.log_likelihood
         assert (process.noise_level, slow.noise_level) == (0.0, 0.0)
@@ -186,7 +186,7 @@ def grid():
 
 def test_distances_tell_what_few_samples_do_not_bear():
     support = Support(grid(), [0, 0], [1, 1], NAMES)
-    assert support.farthest == pytest.approx(0.1)
+    assert support.usual_distance == pytest.approx(0.1)
     assert support.distance([[0.2, 0.25], [0.7, 0.85]]) == pytest.approx([0.05, 0.15])
     assert support.is_thin([[0.45, 0.45], [0.7, 0.85]]).tolist() == [False, True]
     inside, bound, near, distant = support.warnings(
@@ -195,7 +195,9 @@ def test_distances_tell_what_few_samples_do_not_bear():
     assert inside == ""
     assert bound.startswith("at a bound: a low, b high; nearest sample")
     assert "bound" not in near
-    says(distant, "nearest sample 0.21 of a range away, usual up to 0.10", "leverage")
+    says(
+        distant, "nearest sample 0.21 of a range away, usually at most 0.10", "leverage"
+    )
     support = Support(grid() * [1, 10], [0, 0], [1, 10], NAMES)
     assert support.distance([[0.2, 2.5]]) == pytest.approx([0.05])
 
@@ -240,7 +242,7 @@ def test_support_of_a_dataset_takes_usable_samples(tmp_path):
     input_error(
         "usable samples is 0", Support.from_dataset, tmp_path / "dataset.csv", space
     )
-    few = r"points has shape \(3, 2\); expected at least two rows of 6"
+    few = r"points has shape \(3, 2\); expected at least 2 rows of 6 numbers"
     value_error(few, Support, np.zeros((3, 2)), np.zeros(6), np.ones(6), PARAMETERS)
 
 

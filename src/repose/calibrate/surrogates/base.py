@@ -215,7 +215,7 @@ class Surrogate(ABC):
         return self.predict(X), self.covariance(X)
 
     @property
-    def knows_its_errors(self) -> bool:
+    def can_predict_errors(self) -> bool:
         """Whether `covariance` is available.
 
         It is not for a surrogate that was saved without its training data.

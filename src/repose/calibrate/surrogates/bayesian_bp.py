@@ -48,8 +48,8 @@ from repose.calibrate.surrogates.levenberg_marquardt import (
 from repose.calibrate.surrogates.samples import (
     check_points,
     check_samples,
+    compute_decorrelating_mixing,
     compute_pure_error,
-    find_independent_mixing,
 )
 from repose.calibrate.surrogates.settings import AS_PUBLISHED, NetworkSettings
 from repose.calibrate.surrogates.two_layer import (
@@ -127,8 +127,9 @@ class BayesianBP(TrainingSettings, Surrogate):
     ) -> Self:
         """Train a network from each start, and set this network to the best one.
 
-        With a `noise_covariance`, the networks are trained on combinations of the
-        outputs that have independent noise (A35).
+        If a `noise_covariance` is given, the noises of the outputs are correlated. The
+        networks are then trained on combinations of the outputs, the mixed outputs,
+        whose noises are independent (Aitken 1935).
 
         Parameters
         ----------
@@ -152,54 +153,53 @@ class BayesianBP(TrainingSettings, Surrogate):
             If settings or samples are invalid, or if no start has a finite evidence.
         """
         self._check_settings()
-        X, Y, count, precision = check_samples(X, y, sample_weight, **noise)
+        X, Y, sample_weight, precision = check_samples(X, y, sample_weight, **noise)
         self.one_output_ = np.ndim(y) == 1
 
-        # Scale inputs and outputs. Then combine the outputs so that their noises are
-        # independent.
+        # Set the ranges first, because all methods that scale values use them.
         self.input_min_ = X.min(axis=0)
         self.input_max_ = X.max(axis=0)
         self.output_min_ = Y.min(axis=0)
         self.output_max_ = Y.max(axis=0)
-        x = scale_columns(X, self.input_min_, self.input_max_, self.scaled_range)
+        # Combine the scaled outputs so that their noises are independent.
         noise_covariance = noise.get("noise_covariance")
-        self._mixing = find_independent_mixing(
-            noise_covariance, self._compute_stretch(), precision
+        self._mixing = compute_decorrelating_mixing(
+            noise_covariance, self._compute_output_scale(), precision
         )
-        scaled_outputs = scale_columns(
-            Y, self.output_min_, self.output_max_, self.scaled_range
-        )
-        t = scaled_outputs @ self._mixing
+        scaled_inputs = self._scale_inputs(X)
+        mixed_outputs = self._scale_outputs(Y) @ self._mixing
 
-        # Train from each start. The weight of a sample is its count times its
-        # precision.
-        outputs = t.shape[1]
-        weight = count[:, None] * precision
+        # Train from each start. A residual is weighted by how often its sample counts,
+        # times the precision of its value.
+        n_outputs = mixed_outputs.shape[1]
+        residual_weights = sample_weight[:, None] * precision
         pure_error = compute_pure_error(
             noise_covariance,
             degrees_of_freedom=noise.get("noise_freedom", 0.0),
-            stretch=self._compute_stretch(),
+            output_scale=self._compute_output_scale(),
             mixing=self._mixing,
         )
-        self.ends_ = [
+        self.start_results_ = [
             train_start(
-                w=self._draw_first_weights(k, inputs=x.shape[1], outputs=outputs),
-                x=x,
-                t=t,
-                root_weight=np.sqrt(weight),
-                n=float(count.sum() * outputs),
+                w=self._draw_first_weights(
+                    k, inputs=scaled_inputs.shape[1], outputs=n_outputs
+                ),
+                x=scaled_inputs,
+                t=mixed_outputs,
+                root_weight=np.sqrt(residual_weights),
+                n=float(sample_weight.sum() * n_outputs),
                 settings=self,
                 pure_error=pure_error,
             )
             for k in range(self.starts)
         ]
-        self.n_residuals_ = t.size
+        self.n_residuals_ = mixed_outputs.size
         self.training_ = {
             "inputs": X,
-            "weight": weight,
+            "weight": residual_weights,
             "noise_covariance": noise_covariance,
         }
-        self._keep_best_start()
+        self._adopt_best_start()
         return self
 
     def _draw_first_weights(self, start: int, inputs: int, outputs: int) -> np.ndarray:
@@ -210,8 +210,9 @@ class BayesianBP(TrainingSettings, Surrogate):
     def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Train a copy of this network on other responses, as in `Surrogate.refit`.
 
-        The training starts from the present weights, and keeps the scalings, alpha and
-        beta. The copy also keeps the evidence and the statistics of the first fit.
+        The training starts from the present weights, and keeps the scalings, the
+        regularisation alpha of the weights, and beta, which stands for the noise. The
+        copy also keeps the evidence and the statistics of the first fit.
 
         Parameters
         ----------
@@ -227,105 +228,118 @@ class BayesianBP(TrainingSettings, Surrogate):
         BayesianBP
             The copy.
         """
-        # Scale and combine the outputs as `fit` does.
-        X, Y, count, precision = check_samples(X, Y, **noise)
-        weight = count[:, None] * precision
+        # Weight the residuals and mix the outputs as `fit` does.
+        X, Y, sample_weight, precision = check_samples(X, Y, **noise)
+        residual_weights = sample_weight[:, None] * precision
         noise_covariance = noise.get("noise_covariance")
-        mixing = find_independent_mixing(
-            noise_covariance, self._compute_stretch(), precision
+        mixing = compute_decorrelating_mixing(
+            noise_covariance, self._compute_output_scale(), precision
         )
-        scaled_outputs = scale_columns(
-            Y, self.output_min_, self.output_max_, self.scaled_range
-        )
-        end = train_again(
+        result = train_again(
             w=mix_outputs(self._weights(), mixing, self.hidden),
-            x=scale_columns(X, self.input_min_, self.input_max_, self.scaled_range),
-            t=scaled_outputs @ mixing,
-            root_weight=np.sqrt(weight),
+            x=self._scale_inputs(X),
+            t=self._scale_outputs(Y) @ mixing,
+            root_weight=np.sqrt(residual_weights),
             alpha=np.atleast_1d(self.alpha_),
             beta=self.beta_,
             settings=self,
         )
-        # Set the attributes of a copy.
+        # Set the attributes of a copy. `_set_layers` uses its `_mixing`.
         network = copy.copy(self)
         network._mixing = mixing
         network.training_ = {
             "inputs": X,
-            "weight": weight,
+            "weight": residual_weights,
             "noise_covariance": noise_covariance,
         }
-        network._set_layers(end["w"])
-        weight_root = compute_posterior_root(
-            end["alpha_of_weight"], self.beta_, end["JJ"]
+        network._set_layers(result["w"])
+        covariance_factor = compute_posterior_root(
+            result["alpha_of_weight"], self.beta_, result["JJ"]
         )
-        network._set_errors(weight_root, mixing)
+        network._set_errors(covariance_factor, mixing)
         return network
 
-    def _keep_best_start(self) -> None:
-        """Choose the best start, and set this network to its result.
+    def _adopt_best_start(self) -> None:
+        """Choose the best start, and give this network the weights that it found.
 
         The best start is the one with the largest evidence among those that converged.
         If none converged, it is the one with the largest evidence of all. The
-        statistics of all starts are recorded in `starts_`.
+        statistics of all starts are recorded in `starts_`. The results in
+        `start_results_` must be set.
         """
         self.starts_ = []
-        for k, end in enumerate(self.ends_):
-            statistics = {key: end[key] for key in STATISTIC_NAMES}
+        for k, result in enumerate(self.start_results_):
+            statistics = {key: result[key] for key in STATISTIC_NAMES}
             self.starts_.append({"start": k} | statistics)
 
+        # The decrement is how far a start ended above the minimum of its objective.
         converged = [
-            k for k, end in enumerate(self.ends_) if end["decrement"] < CONVERGED
+            k
+            for k, result in enumerate(self.start_results_)
+            if result["decrement"] < CONVERGED
         ]
         self.converged_starts_ = len(converged)
-        candidates = converged or range(self.starts)
-        self.best_start_ = max(candidates, key=lambda k: self.ends_[k]["log_evidence"])
-        best_end = self.ends_[self.best_start_]
-        self._set_network(best_end)
+        all_starts = range(self.starts)
+        candidates = converged or all_starts
+        self.best_start_ = max(
+            candidates, key=lambda k: self.start_results_[k]["log_evidence"]
+        )
+        best_result = self.start_results_[self.best_start_]
+        self._set_network(best_result)
 
-        # Record the classes of weights whose alpha has reached its upper limit.
+        # Record the classes of weights whose alpha has reached its upper limit. Inputs
+        # without names are numbered.
         names = name_weight_classes(
             self.prior, self.inputs or range(len(self.input_min_))
         )
-        self.at_cap_ = [names[number] for number in best_end["at_cap"]]
+        self.at_cap_ = [names[number] for number in best_result["at_cap"]]
 
     def get_network_of_start(self, k: int) -> Self:
         """Return the network at the end of start k of `fit`."""
         network = copy.copy(self)
-        network._set_network(self.ends_[k])
+        network._set_network(self.start_results_[k])
         return network
 
-    def _set_network(self, end: Mapping[str, Any]) -> None:
-        """Set weights, evidence and errors from the result of a start.
+    def _set_network(self, result: Mapping[str, Any]) -> None:
+        """Set weights, evidence and errors of this network from the result of a start.
+
+        The ranges of inputs and outputs, and `_mixing`, must be set before.
 
         Parameters
         ----------
-        end : mapping
-            Result of `train_start`. Its weights belong to combined outputs, and are
-            converted to the original outputs.
+        result : mapping
+            Result of `train_start`. Its weights belong to the mixed outputs of `fit`,
+            and are converted to the original outputs.
 
         Raises
         ------
         ValueError
-            If the start has no finite evidence. As it is the best start, then no start
-            has a finite evidence.
+            If the start has no finite evidence. `fit` adopts the start with the largest
+            evidence, so then no start has a finite one.
         """
-        if end["log_evidence"] == -math.inf:
+        if result["log_evidence"] == -math.inf:
             raise ValueError(
                 f"none of the {self.starts} starts ended with a finite evidence"
             )
-        self._set_layers(end["w"])
-        self.alpha_ = end["alpha"]
-        self.beta_ = end["beta"]
-        self.gamma_ = end["gamma"]
-        self.log_evidence_ = end["log_evidence"]
-        self.epochs_ = end["epochs"]
-        self.stop_reason_ = end["stop_reason"]
-        root = compute_posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"])
-        self._set_errors(root, self._mixing)
+        self._set_layers(result["w"])
+        self.alpha_ = result["alpha"]
+        self.beta_ = result["beta"]
+        self.gamma_ = result["gamma"]
+        self.log_evidence_ = result["log_evidence"]
+        self.epochs_ = result["epochs"]
+        self.stop_reason_ = result["stop_reason"]
+        covariance_factor = compute_posterior_root(
+            result["alpha_of_weight"], self.beta_, result["JJ"]
+        )
+        self._set_errors(covariance_factor, self._mixing)
 
-    def _set_layers(self, mixed: np.ndarray) -> None:
-        """Set the layers from all weights (N,) of the mixed outputs."""
-        w = mix_outputs(mixed, np.linalg.inv(self._mixing), self.hidden)
+    def _set_layers(self, mixed_weights: np.ndarray) -> None:
+        """Set the layers from all weights (N,), which belong to the mixed outputs.
+
+        The attribute `_mixing` must be set.
+        """
+        unmixing = np.linalg.inv(self._mixing)
+        w = mix_outputs(mixed_weights, unmixing, self.hidden)
         layers = unpack_weights(
             w,
             inputs=len(self.input_min_),
@@ -342,9 +356,9 @@ class BayesianBP(TrainingSettings, Surrogate):
     ) -> Any:
         """Predict responses, and their standard deviations if `return_std` is True.
 
-        The standard deviation is sqrt(1 / (2 beta) + g' H^-1 g), where g is the
-        gradient of the output with respect to the weights (M92). Without `noise`, the
-        first term is left out.
+        The standard deviation of a scaled output is sqrt(1 / (2 beta) + g' H^-1 g),
+        where g is its gradient with respect to the weights (MacKay 1992). The result is
+        in the units of the responses. Without `noise`, the first term is left out.
 
         Parameters
         ----------
@@ -372,8 +386,11 @@ class BayesianBP(TrainingSettings, Surrogate):
             Y = Y[:, 0]
         if not return_std:
             return Y
-        roots = compute_output_roots([self], X, self._weights()[None])[0]
-        variance = (roots**2).sum(axis=2) * self._compute_stretch() ** 2
+        # The function takes several networks; this is the only one. Its result G
+        # (samples, outputs, N) has the covariance G G' of the outputs of a sample, so a
+        # variance is the sum of the squares of a row.
+        factors = compute_output_factors([self], X, self._weights()[None])[0]
+        variance = (factors**2).sum(axis=2) * self._compute_output_scale() ** 2
         # `noise` is True or False, which count as 1 and 0.
         std = np.sqrt(variance + noise * self.noise_std_**2)
         if self.one_output_:
@@ -381,7 +398,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         return Y, std
 
     @property
-    def knows_its_errors(self) -> bool:
+    def can_predict_errors(self) -> bool:
         return hasattr(self, "posterior_root_")
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
@@ -440,11 +457,14 @@ class BayesianBP(TrainingSettings, Surrogate):
         """Collect all that `from_dict` needs in a dictionary that JSON can store.
 
         These are the scalings, the weights, and the training data, from which
-        `from_dict` computes the errors of the weights. A network that was loaded
-        without training data is saved without them.
+        `from_dict` computes the covariance of the weights. It reads the same keys, so
+        change both together. A network that was loaded without training data is saved
+        without them.
         """
         content: dict[str, Any] = {
             "scaled_range": list(self.scaled_range),
+            # Every network of this class has these transfer functions. They are written
+            # for other programs, and not read again.
             "activation": ["tansig", "purelin"],
         }
         for key in ARRAY_NAMES:
@@ -463,13 +483,15 @@ class BayesianBP(TrainingSettings, Surrogate):
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Restore a trained network from the result of `to_dict`.
 
-        The Hessian is computed from the saved weights and samples, without training.
+        The covariance of the weights is computed again from the saved weights and
+        samples, without training.
 
         Parameters
         ----------
         content : mapping
-            Result of `to_dict`. It may also have the numbers of the ``samples``. If its
-            entry ``training`` is missing, the network predicts without errors.
+            Result of `to_dict`. The entry ``samples``, which `Surrogate.save` adds, has
+            the numbers that identify the samples in the study. If the entry
+            ``training`` is missing, the network predicts without errors.
 
         Returns
         -------
@@ -493,71 +515,78 @@ class BayesianBP(TrainingSettings, Surrogate):
             "weight": np.asarray(training["weight"], dtype=float),
             "noise_covariance": training["noise_covariance"],
         }
+        # Files without numbers of the samples have an empty list, or no entry.
         n_samples = len(model.training_["inputs"])
-        model._restore_errors(content.get("samples") or range(n_samples))
+        model._recompute_errors(content.get("samples") or range(n_samples))
         return model
 
-    def _restore_errors(self, samples: Sequence[int]) -> None:
-        """Compute noise and covariance of the weights from the training samples.
+    def _recompute_errors(self, samples: Sequence[int]) -> None:
+        """Compute the noise and the covariance of the weights, and set them.
 
-        The Hessian is a sum over the samples in the order of their numbers. In another
-        order, it would have other rounding errors.
+        The training data, the weights, alpha and beta must be set. The steps are those
+        of the training (`linearise_residuals`), so that a loaded network predicts the
+        same errors as the trained one.
 
         Parameters
         ----------
         samples : sequence of int
-            Numbers of the training samples, in the order of the training data.
+            Numbers that identify the training samples, in the order of the training
+            data.
 
         Raises
         ------
         ValueError
-            If the number of sample numbers is not the number of samples.
+            If there are more or fewer numbers than training samples.
         """
+        # Sum over the samples in the order of their numbers. Another order would give
+        # other rounding errors.
         order = np.argsort(samples)
         if len(order) != len(self.training_["inputs"]):
             raise ValueError(
-                f"{len(order)} samples of {len(self.training_['inputs'])} inputs"
+                f"{len(order)} numbers of samples for "
+                f"{len(self.training_['inputs'])} training samples"
             )
-        # Compute the derivatives of the weighted residuals as in the training, for
-        # which the outputs are combined.
+        # Compute the derivatives J of the weighted residuals. The training used mixed
+        # outputs, so convert the weights to these.
         X = self.training_["inputs"][order]
-        weight = self.training_["weight"][order]
+        residual_weights = self.training_["weight"][order]
         n_outputs = len(self.b2_)
-        mixing = find_independent_mixing(
-            self.training_["noise_covariance"], self._compute_stretch(), weight
+        mixing = compute_decorrelating_mixing(
+            self.training_["noise_covariance"],
+            self._compute_output_scale(),
+            residual_weights,
         )
         w = mix_outputs(self._weights(), mixing, self.hidden)
-        x = scale_columns(X, self.input_min_, self.input_max_, self.scaled_range)
-        _, J = compute_jacobian(w, x, n_outputs)
-        J = (J * np.sqrt(weight)[:, :, None]).reshape(-1, w.size)
+        _, J = compute_jacobian(w, self._scale_inputs(X), n_outputs)
+        J = (J * np.sqrt(residual_weights)[:, :, None]).reshape(-1, w.size)
 
-        # All weights of a class have the same regularisation.
+        # Some weights share an alpha, so first list the alpha of each weight.
         classes = list_weight_classes(self.prior, X.shape[1], self.hidden, n_outputs)
         alpha_of_weight = spread_over_weights(
             np.atleast_1d(self.alpha_), classes, w.size
         )
-        weight_root = compute_posterior_root(alpha_of_weight, self.beta_, J.T @ J)
-        self._set_errors(weight_root, mixing)
+        covariance_factor = compute_posterior_root(alpha_of_weight, self.beta_, J.T @ J)
+        self._set_errors(covariance_factor, mixing)
 
-    def _set_errors(self, root: np.ndarray, mixing: np.ndarray) -> None:
-        """Set the errors for the original outputs, from those of the mixed outputs.
+    def _set_errors(self, covariance_factor: np.ndarray, mixing: np.ndarray) -> None:
+        """Set the errors for the original outputs from the errors of the mixed outputs.
 
-        The attribute `posterior_root_` (N, N) is a root of the covariance of the
+        The attribute `posterior_root_` R (N, N) has R R' equal to the covariance of the
         weights. The attribute `noise_std_` (outputs,) is the noise of a value of
         precision 1, in the units of the responses.
 
         Parameters
         ----------
-        root : array (N, N)
-            Root of the covariance of the weights for the mixed outputs.
+        covariance_factor : array (N, N)
+            The same matrix as `posterior_root_`, for the mixed outputs.
         mixing : array (outputs, outputs)
-            The combinations that the network was trained on, one in each column.
+            Coefficients of the mixed outputs, one of them in each column.
         """
         unmixing = np.linalg.inv(mixing)
-        self.posterior_root_ = mix_outputs(root, unmixing, self.hidden)
+        self.posterior_root_ = mix_outputs(covariance_factor, unmixing, self.hidden)
         self.noise_std_ = (
             np.linalg.norm(unmixing, axis=0)
-            * self._compute_stretch()
+            * self._compute_output_scale()
             / math.sqrt(2 * self.beta_)
         )
 
@@ -579,22 +608,35 @@ class BayesianBP(TrainingSettings, Surrogate):
             If a setting is outside its limits. The message names the setting, its value
             and the limit.
         """
-        lowest_values = {"hidden": 1, "starts": 1, "epochs": 1, "goal": 0}
-        for name, lowest in lowest_values.items():
+        minimum_values = {"hidden": 1, "starts": 1, "epochs": 1, "goal": 0}
+        for name, minimum in minimum_values.items():
             value = getattr(self, name)
-            if not value >= lowest:
-                raise ValueError(f"{name} is {value!r}; expected at least {lowest}")
+            # NaN is not at least any number, so this rejects it, too.
+            if not value >= minimum:
+                raise ValueError(f"{name} is {value!r}; expected at least {minimum}")
         if self.prior not in PRIORS:
             raise ValueError(f"prior is {self.prior!r}; expected {', '.join(PRIORS)}")
         low, high = self.scaled_range
         if not low < high:
             raise ValueError(
                 f"scaled_range is {self.scaled_range!r}; "
-                "expected its first below its second"
+                "expected a lower end below an upper end"
             )
 
-    def _compute_stretch(self) -> np.ndarray:
-        """Compute one scaled unit (outputs,) in the units of the responses."""
+    def _scale_inputs(self, X: np.ndarray) -> np.ndarray:
+        """Scale parameter sets (samples, inputs) as in the training."""
+        return scale_columns(X, self.input_min_, self.input_max_, self.scaled_range)
+
+    def _scale_outputs(self, Y: np.ndarray) -> np.ndarray:
+        """Scale responses (samples, outputs) as in the training."""
+        return scale_columns(Y, self.output_min_, self.output_max_, self.scaled_range)
+
+    def _compute_output_scale(self) -> np.ndarray:
+        """Compute the size (outputs,) of a unit of each scaled output.
+
+        It is in the units of the response: a difference of scaled outputs times this
+        size is the difference of the responses.
+        """
         low, high = self.scaled_range
         return compute_widths(self.output_min_, self.output_max_) / (high - low)
 
@@ -602,12 +644,13 @@ class BayesianBP(TrainingSettings, Surrogate):
 def compute_covariances(
     networks: Sequence[BayesianBP], X: ArrayLike, weights: np.ndarray | None = None
 ) -> np.ndarray:
-    """Compute `BayesianBP.covariance` of networks that share their scalings.
+    """Compute the covariance of the responses that each of several networks predicts.
 
     Parameters
     ----------
     networks : sequence of BayesianBP
-        The networks.
+        The networks. All must scale their inputs and outputs in the same way, as the
+        networks of different starts do.
     X : array (samples, inputs)
         Parameter sets.
     weights : array (networks, N), optional
@@ -616,58 +659,64 @@ def compute_covariances(
     Returns
     -------
     array (networks, samples, outputs, outputs)
-        Covariances of the predictions, in the units of the responses.
+        Covariances of the predicted means, without the noise of a new value, in the
+        units of the responses.
     """
     if weights is None:
         weights = np.array([network._weights() for network in networks])
     X = np.asarray(X, dtype=float)
-    # Convert scaled outputs to the units of the responses by these factors.
-    stretch = networks[0]._compute_stretch()[:, None]
+    # Convert scaled outputs to the units of the responses by this factor, which is the
+    # same for all networks.
+    output_scale = networks[0]._compute_output_scale()[:, None]
     # Process the samples in parts, because the derivatives need much memory.
     parts = []
     for points in np.array_split(X, 1 + len(X) // CHUNK_SIZE):
-        roots = compute_output_roots(networks, points, weights) * stretch
-        parts.append(roots @ roots.swapaxes(-1, -2))
+        factors = compute_output_factors(networks, points, weights) * output_scale
+        parts.append(factors @ factors.swapaxes(-1, -2))
     return np.concatenate(parts, axis=1)
 
 
-def compute_output_roots(
+def compute_output_factors(
     networks: Sequence[BayesianBP], X: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Compute roots of the covariance of the scaled outputs of networks.
+    """Compute factors G of the covariances G G' of the scaled outputs of networks.
 
-    An error dw of the weights changes the outputs by J dw, where J = dy/dw. If R is a
-    root of the covariance of the weights, J R is a root of the covariance of the
-    outputs.
+    An error dw of the weights changes the outputs by J dw, where J = dy/dw. If R R' is
+    the covariance of the weights, G = J R therefore has G G' equal to the covariance of
+    the outputs.
 
     Parameters
     ----------
     networks : sequence of BayesianBP
-        They share their scalings.
+        The networks. All must scale their inputs and outputs in the same way.
     X : array (samples, inputs)
         Parameter sets.
     weights : array (networks, N)
-        Weights of each network.
+        Weights of each network. The caller collects them, because it may keep them for
+        several calls.
 
     Returns
     -------
     array (networks, samples, outputs, N)
+        The factor G of each sample, by network.
 
     Raises
     ------
     ValueError
         If a network was saved without its training data.
     """
-    if not all(network.knows_its_errors for network in networks):
+    if not all(network.can_predict_errors for network in networks):
         raise ValueError(
             "the network was saved without its training data; "
             "it predicts without errors"
         )
     first = networks[0]
-    x = scale_columns(X, first.input_min_, first.input_max_, first.scaled_range)
+    x = first._scale_inputs(X)
     _, J = compute_jacobian(weights, x, outputs=len(first.b2_))
-    # Overwrite the derivatives in place, because a copy would need much memory.
+    # Overwrite J by G, because a second array of this size would need much memory. As J
+    # is contiguous, `rows` is a view of it and not a copy.
     for derivatives, network in zip(J, networks, strict=True):
         rows = derivatives.reshape(-1, derivatives.shape[-1])
         rows[:] = rows @ network.posterior_root_
-    return J
+    factors = J
+    return factors

@@ -28,16 +28,19 @@ def compute_log_evidence(
     n: float,
     classes: Sequence[Any] = (slice(None),),
 ) -> float:
-    """Compute the log evidence of a network at its most probable weights (M92).
+    """Compute the log evidence of a network at its most probable weights.
 
-    The likelihood is (beta / pi)^(n / 2) exp(-beta E_d), the prior of the weights
-    (alpha / pi)^(N / 2) exp(-alpha E_w). Laplace's approximation gives, with
-    H = 2 beta J'J + 2 alpha I,
+    The evidence is the probability of the data, integrated over all weights (MacKay
+    1992). The likelihood is (beta / pi)^(n / 2) exp(-beta E_d), and the prior of the
+    weights is (alpha / pi)^(N / 2) exp(-alpha E_w). Laplace's approximation of the
+    integral contributes (2 pi)^(N / 2) / sqrt(det H) with H = 2 beta J'J + 2 alpha I.
+    The powers of pi in this factor and in the prior cancel, so
 
         log p(D | alpha, beta) = n/2 log(beta / pi) + N/2 log(2 alpha)
                                  - 1/2 log det H - beta E_d - alpha E_w
 
-    With several classes, N/2 log(2 alpha) is summed over the classes.
+    If the weights form several classes, each class has its own alpha, and
+    N/2 log(2 alpha) is summed over the classes.
 
     Parameters
     ----------
@@ -49,9 +52,10 @@ def compute_log_evidence(
         J'J, where J has the derivatives of the weighted residuals with respect to the
         weights.
     n : float
-        Number of residuals.
+        Number of residuals. It need not be an integer, because samples have weights.
     classes : sequence
-        Indices of the weights of each class.
+        Indices of the weights of each class, as arrays or slices; by default, all
+        weights are in a single class.
 
     Returns
     -------
@@ -63,10 +67,11 @@ def compute_log_evidence(
     if not (np.all(alpha > 0) and beta > 0):
         return -math.inf
     N = len(JJ)
-    # This is N/2 log(2 alpha), with the number of weights of each class as N.
-    indices = np.arange(N)
+    # This is N/2 log(2 alpha), with the number of weights of each class as N. A class
+    # may be a slice, so apply it to an array to count its weights.
+    weight_numbers = np.arange(N)
     log_prior = sum(
-        len(indices[members]) / 2 * math.log(2 * value)
+        len(weight_numbers[members]) / 2 * math.log(2 * value)
         for value, members in zip(alpha, classes, strict=True)
     )
     hessian = 2 * beta * JJ + np.diag(2 * spread_over_weights(alpha, classes, N))
@@ -84,24 +89,24 @@ def compute_log_evidence(
 def compute_posterior_root(
     alpha: np.ndarray, beta: float, JJ: np.ndarray
 ) -> np.ndarray:
-    """Compute a root R (N, N) of the covariance of the weights, R R' = H^-1 (M92).
+    """Compute a matrix R (N, N) with R R' = H^-1, the covariance of the weights.
 
-    H = 2 beta J'J + 2 diag(alpha), where alpha (N,) has a value for each weight. H is
-    first divided by the root of the prior's part on both sides. This makes it
-    I + V diag(e) V' with eigenvalues e >= 0, so rounding cannot make a variance
-    negative.
+    H = 2 beta J'J + 2 diag(alpha), where alpha (N,) has a value for each weight (MacKay
+    1992). H is first multiplied by the prior standard deviations of the weights on both
+    sides. This makes it I + V diag(e) V' with eigenvalues e >= 0, so rounding cannot
+    make a variance negative.
     """
-    prior_root = 1 / np.sqrt(2 * alpha)
+    prior_std = 1 / np.sqrt(2 * alpha)
     eigenvalues, vectors = np.linalg.eigh(
-        2 * beta * prior_root[:, None] * JJ * prior_root
+        2 * beta * prior_std[:, None] * JJ * prior_std
     )
-    return prior_root[:, None] * vectors / np.sqrt(1 + np.maximum(eigenvalues, 0.0))
+    return prior_std[:, None] * vectors / np.sqrt(1 + np.maximum(eigenvalues, 0.0))
 
 
 def spread_over_weights(
     alpha: np.ndarray, classes: Sequence[Any], N: int
 ) -> np.ndarray:
-    """Spread the alpha of each class over its weights; returns an array (N,)."""
+    """Return the alpha (N,) of each weight, which is the alpha of its class."""
     alpha_of_weight = np.empty(N)
     for value, members in zip(alpha, classes, strict=True):
         alpha_of_weight[members] = value

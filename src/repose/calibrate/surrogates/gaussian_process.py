@@ -21,7 +21,7 @@ from repose.calibrate.surrogates.samples import (
     CombinedOutputs,
     check_points,
     check_samples,
-    find_independent_mixing,
+    compute_decorrelating_mixing,
 )
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.surrogates.two_layer import compute_widths
@@ -63,8 +63,12 @@ class GaussianProcess(CombinedOutputs, Surrogate):
             "lengths": np.full(X.shape[1], FIRST_LENGTH),
             "noise_variance": FIRST_NOISE,
         }
-        bounds = (VARIANCE_BOUNDS, LENGTH_BOUNDS, NOISE_BOUNDS)
-        self._fit_processes([first] * Y.shape[1], bounds)
+        self._fit_processes(
+            [first] * Y.shape[1],
+            variance_bounds=VARIANCE_BOUNDS,
+            length_bounds=LENGTH_BOUNDS,
+            noise_bounds=NOISE_BOUNDS,
+        )
         return self
 
     def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
@@ -73,7 +77,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         process = type(self)()
         process.describe(self.inputs, self.outputs, self.definitions, self.samples)
         process._set_samples(X, Y, precision, noise.get("noise_covariance"))
-        process._fit_processes(self._list_kernels(), bounds=("fixed", "fixed", "fixed"))
+        process._fit_processes(self._list_kernels())
         return process
 
     def _set_samples(
@@ -83,7 +87,11 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         precision: np.ndarray,
         noise_covariance: ArrayLike | None,
     ) -> None:
-        """Store the samples, and derive the scaling from them.
+        """Store the samples, and scale inputs and outputs by them.
+
+        If the noises of the responses are correlated, the outputs are combined so that
+        the noises of the combinations are independent. The shift `offset_` of the
+        predictions begins at 0, and `shifted` changes it.
 
         Parameters
         ----------
@@ -92,7 +100,8 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         Y : array (n, k)
             Their responses.
         precision : array (n, k)
-            The noise variance of a value is a common number divided by its precision.
+            Weights of the values. The noise variance of a value is inversely
+            proportional to its precision.
         noise_covariance : array (k, k) or None
             Covariance of the noise of the responses, up to a factor. None treats the
             noises of the responses as independent.
@@ -107,26 +116,35 @@ class GaussianProcess(CombinedOutputs, Surrogate):
             raise ValueError(f"{n_samples} samples; expected at least {MIN_SAMPLES}")
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
         self.noise_covariance_ = noise_covariance
-        self.low_ = X.min(axis=0)
-        self.width_ = compute_widths(X.min(axis=0), X.max(axis=0))
+        low = X.min(axis=0)
+        self.low_ = low
+        self.width_ = compute_widths(low, X.max(axis=0))
         self.offset_ = np.zeros(n_outputs)
-        mixing = find_independent_mixing(
-            noise_covariance, np.ones(n_outputs), precision
-        )
+        # The outputs keep their units here; `_combine` scales the combinations.
+        output_scale = np.ones(n_outputs)
+        mixing = compute_decorrelating_mixing(noise_covariance, output_scale, precision)
         self._combine(Y, mixing)
 
     def _fit_processes(
-        self, kernels: Sequence[Mapping[str, Any]], bounds: Sequence[Any]
+        self,
+        kernels: Sequence[Mapping[str, Any]],
+        *,
+        variance_bounds: Any = "fixed",
+        length_bounds: Any = "fixed",
+        noise_bounds: Any = "fixed",
     ) -> None:
         """Fit a process to each combination of the outputs, and set `processes_`.
+
+        `_set_samples` must have set the samples and the combinations (`self.values`).
 
         Parameters
         ----------
         kernels : sequence of mapping
-            Initial hyperparameters of each process, as in `report`.
-        bounds : sequence
-            Bounds of the variance, the lengths and the noise variance, in the form that
-            scikit-learn requires.
+            Initial hyperparameters of each process, as `_list_kernels` returns them.
+        variance_bounds, length_bounds, noise_bounds : pair of float or "fixed"
+            Bounds of the variance, of the correlation lengths and of the noise
+            variance, in the form that scikit-learn requires. By default, the initial
+            hyperparameters stay as they are.
         """
         # Importing scikit-learn is slow, so do it only for a fit.
         from repose.calibrate.surrogates.process import (
@@ -135,17 +153,18 @@ class GaussianProcess(CombinedOutputs, Surrogate):
             make_smooth_kernel,
         )
 
-        variance_bounds, length_bounds, noise_bounds = bounds
         x = self._scale_inputs(self.training_["inputs"])
         self.processes_ = []
-        for start, values, precision in zip(
+        for initial, values, precision in zip(
             kernels, self.values.T, self.training_["precision"].T, strict=True
         ):
             kernel = make_smooth_kernel(
-                start["variance"], start["lengths"], (variance_bounds, length_bounds)
+                initial["variance"],
+                initial["lengths"],
+                (variance_bounds, length_bounds),
             )
             # The noise variance of a sample is inversely proportional to its precision.
-            noise = SampleNoise(start["noise_variance"], noise_bounds, precision)
+            noise = SampleNoise(initial["noise_variance"], noise_bounds, precision)
             self.processes_.append(Process(kernel, x, values, noise=noise))
 
     def _scale_inputs(self, X: ArrayLike) -> np.ndarray:
@@ -164,7 +183,8 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         return_std : bool, optional
             Whether the standard deviations are returned as well.
         noise : bool, optional
-            Whether they include the noise of a value of precision 1.
+            Whether they include the noise of a new value of precision 1, such as a
+            single run if the precisions are numbers of runs.
 
         Returns
         -------
@@ -176,11 +196,15 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         means = self.unmix(scaled_means) + self.offset_
         if not return_std:
             return means
-        # The processes are independent, so their variances add up in the responses.
-        # `noise` is True or False, which count as 1 and 0.
+        # The noise of a value of precision 1 is the noise level of its process. `noise`
+        # is True or False, which count as 1 and 0.
         noise_levels = np.array([process.noise_level for process in self.processes_])
         scaled_variances = self._predict_variances(x) + noise * noise_levels
-        variances = scaled_variances * self._scale**2 @ self._unmixing**2
+        # A response is a sum of the independent combinations, each times its scale and
+        # a coefficient of `_unmixing`. So its variance is the sum of their variances,
+        # each times the squares of both.
+        mixed_variances = scaled_variances * self._scale**2
+        variances = mixed_variances @ self._unmixing**2
         return means, np.sqrt(variances)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
@@ -250,6 +274,6 @@ class GaussianProcess(CombinedOutputs, Surrogate):
             precision=np.asarray(training["precision"], dtype=float),
             noise_covariance=content["noise_covariance"],
         )
-        model._fit_processes(content["kernels"], bounds=("fixed", "fixed", "fixed"))
+        model._fit_processes(content["kernels"])
         model.offset_ = np.asarray(content["offset"], dtype=float)
         return model

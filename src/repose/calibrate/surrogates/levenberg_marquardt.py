@@ -70,17 +70,16 @@ FIRST_BETA = 1.0
 MAX_ALPHA = 1e6
 MIN_SQUARES = 1e-30  # smallest E_d, for outputs that a network reproduces exactly
 PATIENCE = 60  # number of epochs without a larger evidence after which a start ends
-NEAR_MINIMUM = (
-    1.0  # F above its minimum, in nats, below which Laplace's approximation holds
-)
+# F above its minimum, in nats, below which Laplace's approximation of the evidence
+# holds.
+NEAR_MINIMUM = 1.0
 # F above its minimum at which a start has converged: the weights are 0.14 of a standard
 # deviation from the best ones.
 CONVERGED = 0.01
 # F above its minimum at which a descent with fixed alpha and beta ends.
 DESCENT_DECREMENT = CONVERGED / 100
-MAX_DESCENT_STEPS = (
-    100  # largest number of steps to the minimum of F at fixed alpha and beta
-)
+# Largest number of steps to the minimum of F at fixed alpha and beta.
+MAX_DESCENT_STEPS = 100
 MIN_DECREASE = 0.003  # decrease of F in a step, in nats, below which `train_again` ends
 # The damping mu is only ever multiplied, so it could not rise again from 0. From this
 # smallest number it can, with at most one trial for each step that lowered it.
@@ -128,7 +127,7 @@ class _Point(NamedTuple):
 class _State(NamedTuple):
     """Weights with the alpha, beta and gamma that are re-estimated there."""
 
-    at: _Point
+    point: _Point
     alpha: np.ndarray  # (classes,)
     alpha_of_weight: np.ndarray  # (N,)
     beta: float
@@ -136,15 +135,15 @@ class _State(NamedTuple):
 
     def F(self) -> float:
         """Compute F."""
-        return float(self.beta * self.at.Ed + self.alpha @ self.at.Ew)
+        return float(self.beta * self.point.Ed + self.alpha @ self.point.Ew)
 
     def half_gradient(self) -> np.ndarray:
         """Compute half the gradient (N,) of F with respect to the weights."""
-        return self.beta * self.at.Je + self.alpha_of_weight * self.at.w
+        return self.beta * self.point.Je + self.alpha_of_weight * self.point.w
 
     def half_hessian(self) -> np.ndarray:
         """Compute H / 2 (N, N)."""
-        return self.beta * self.at.JJ + np.diag(self.alpha_of_weight)
+        return self.beta * self.point.JJ + np.diag(self.alpha_of_weight)
 
     def decrement(self) -> float:
         """Compute the height of F above the minimum of its quadratic model."""
@@ -156,9 +155,9 @@ class _State(NamedTuple):
         return compute_log_evidence(
             alpha=self.alpha,
             beta=self.beta,
-            Ed=self.at.Ed + data.pure_error,
-            Ew=self.at.Ew,
-            JJ=self.at.JJ,
+            Ed=self.point.Ed + data.pure_error,
+            Ew=self.point.Ew,
+            JJ=self.point.JJ,
             n=data.n,
             classes=data.classes,
         )
@@ -232,14 +231,14 @@ def train_start(
     # A single class of weights has one alpha, a number.
     alpha = float(state.alpha[0]) if settings.prior == "one" else state.alpha
     return {
-        "w": state.at.w,
-        "JJ": state.at.JJ,
+        "w": state.point.w,
+        "JJ": state.point.JJ,
         "alpha_of_weight": state.alpha_of_weight,
         "log_evidence": state.evidence(data),
         "gamma": float(state.gamma.sum()),
         "alpha": alpha,
         "beta": float(state.beta),
-        "mse": state.at.Ed / n,
+        "mse": state.point.Ed / n,
         "epochs": epochs,
         "stop_reason": reason,
         "decrement": state.decrement(),
@@ -258,12 +257,20 @@ def train_again(
 ) -> dict[str, np.ndarray]:
     """Train a trained network on other outputs, and keep its regularisation.
 
+    The weights are changed until the objective F = beta E_d + alpha E_w hardly falls.
+
     Parameters
     ----------
     w : array (N,)
         Weights of the trained network.
-    x, t, root_weight, settings
-        As in `train_start`.
+    x : array (samples, inputs)
+        Scaled inputs.
+    t : array (samples, outputs)
+        Scaled outputs.
+    root_weight : array (samples, outputs)
+        Square root of each residual's weight.
+    settings : TrainingSettings
+        Settings of the training.
     alpha : array (classes,)
         Regularisation of each class of weights.
     beta : float
@@ -277,6 +284,8 @@ def train_again(
     """
     classes = _list_weight_classes(w, x, t, settings)
     size = _count_class_sizes(w, classes)
+    # The numbers of residuals, the scatter of replicates and gamma only serve to
+    # re-estimate alpha and beta, which are fixed here. So their values have no effect.
     data = _Data(
         x=x,
         t=t,
@@ -288,23 +297,25 @@ def train_again(
         size=size,
     )
     state = _State(
-        at=_make_linear_model(w, data),
+        point=_make_linear_model(w, data),
         alpha=alpha,
         alpha_of_weight=spread_over_weights(alpha, classes, w.size),
         beta=beta,
-        gamma=size,  # not used, because alpha and beta are fixed
+        gamma=size,
     )
 
-    # Take steps until F hardly falls any more.
+    # Take steps until F hardly decreases.
     F = state.F()
     mu = max(settings.mu, MIN_MU)
     for _ in range(MAX_DESCENT_STEPS):
         weights, next_mu = _find_step(state, mu, data, settings)
         if weights is None:
+            # No step lowers F, even with the largest damping.
             break
-        state = state._replace(at=_make_linear_model(weights, data))
-        # `_find_step` lowers the damping after each step. Undo this if it had to raise
-        # the damping to find the step.
+        state = state._replace(point=_make_linear_model(weights, data))
+        # `_find_step` returns the damping of the step times `mu_decrease`. This is at
+        # least `mu` only if it had to raise the damping to find the step. Then begin
+        # the next step with the damping that succeeded, without lowering it.
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
         # F is the negative log of a probability, so a decrease below MIN_DECREASE
         # hardly changes this probability.
@@ -313,8 +324,8 @@ def train_again(
         if decrease < MIN_DECREASE:
             break
     return {
-        "w": state.at.w,
-        "JJ": state.at.JJ,
+        "w": state.point.w,
+        "JJ": state.point.JJ,
         "alpha_of_weight": state.alpha_of_weight,
     }
 
@@ -361,7 +372,7 @@ def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _En
     # This is the reason if no other criterion ends the loop.
     reason = "epochs"
     while epoch < settings.epochs:
-        if state.at.Ed / data.n_means <= settings.goal:
+        if state.point.Ed / data.n_means <= settings.goal:
             reason = "goal"
             break
         if 2 * np.linalg.norm(state.half_gradient()) < settings.min_gradient:
@@ -395,7 +406,7 @@ def _make_first_state(w: np.ndarray, data: _Data) -> _State:
     """
     alpha = np.full(len(data.classes), FIRST_ALPHA)
     return _State(
-        at=_make_linear_model(w, data),
+        point=_make_linear_model(w, data),
         alpha=alpha,
         alpha_of_weight=spread_over_weights(alpha, data.classes, w.size),
         beta=FIRST_BETA,
@@ -406,12 +417,29 @@ def _make_first_state(w: np.ndarray, data: _Data) -> _State:
 def _choose_better(
     best: _Best | None, state: _State, epoch: int, data: _Data
 ) -> _Best | None:
-    """Return the state with the larger evidence: the best so far, or a new one.
+    """Return the better of the best state so far and a new state.
 
-    A new state is considered only near the minimum of F, where its evidence is valid.
-    The result is None until there is such a state.
+    The better one has the larger evidence. The formula of the evidence holds only near
+    the minimum of the objective F, so a new state farther away is ignored.
+
+    Parameters
+    ----------
+    best : _Best or None
+        The best state so far; None if no state was near a minimum yet.
+    state : _State
+        The new state.
+    epoch : int
+        The epoch of the new state.
+    data : _Data
+        The training data.
+
+    Returns
+    -------
+    _Best or None
+        None if there is still no state near a minimum.
     """
-    if not state.decrement() < NEAR_MINIMUM:
+    is_near_minimum = state.decrement() < NEAR_MINIMUM  # False also for NaN
+    if not is_near_minimum:
         return best
     evidence = state.evidence(data)
     largest = -np.inf if best is None else best.evidence
@@ -421,7 +449,10 @@ def _choose_better(
 
 
 def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
-    """Minimise F with fixed alpha and beta, and compute gamma at the minimum.
+    """Minimise the objective F with fixed alpha and beta, and compute gamma there.
+
+    F is beta E_d + alpha E_w, as in the docstring of the module. The descent ends when
+    F is at most `DESCENT_DECREMENT` above its minimum.
 
     Parameters
     ----------
@@ -443,17 +474,20 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
             break
         weights, mu = _find_step(state, mu, data, settings)
         if weights is None:
+            # No step lowers F, even with the largest damping.
             break
-        state = state._replace(at=_make_linear_model(weights, data))
+        state = state._replace(point=_make_linear_model(weights, data))
     return state._replace(gamma=_compute_gamma(state, data))
 
 
 def _find_step(
     state: _State, mu: float, data: _Data, settings: TrainingSettings
 ) -> tuple[np.ndarray | None, float]:
-    """Find a step that lowers F, by raising the damping mu until one does (HM94).
+    """Find a step of the Levenberg-Marquardt method that lowers the objective F.
 
-    The new weights are w - (H / 2 + mu I)^-1 (gradient / 2).
+    The new weights are w - (H / 2 + mu I)^-1 (gradient / 2), where H is the Hessian of
+    F = beta E_d + alpha E_w. The damping mu is raised until such a step lowers F (Hagan
+    & Menhaj 1994). A larger damping makes the step shorter.
 
     Parameters
     ----------
@@ -471,9 +505,10 @@ def _find_step(
     weights : array (N,) or None
         None if no step up to the largest mu lowers F.
     mu : float
-        The damping with which the search for the next step begins.
+        The damping with which the search for the next step begins. It is above
+        `mu_max` if there is no step.
     """
-    point = state.at
+    point = state.point
     half_gradient = state.half_gradient()
     identity = np.eye(point.w.size)
     F = state.beta * point.Ed + state.alpha @ point.Ew
@@ -495,26 +530,27 @@ def _compute_gamma(state: _State, data: _Data) -> np.ndarray:
     gamma = N - 2 alpha tr(H^-1), class by class.
     """
     diagonal = np.diagonal(np.linalg.inv(state.half_hessian()))
+    # H / 2 was inverted, so the traces already have the factor 2.
     traces = np.array([diagonal[members].sum() for members in data.classes])
     return data.size - state.alpha * traces
 
 
-def _re_estimate(at: _Point, state: _State, data: _Data) -> _State:
+def _re_estimate(point: _Point, state: _State, data: _Data) -> _State:
     """Re-estimate gamma, alpha and beta at new weights (FH 2-3).
 
     alpha = gamma / (2 E_w) and beta = (n - gamma) / (2 E_d).
     """
-    gamma = _compute_gamma(state._replace(at=at), data)
+    gamma = _compute_gamma(state._replace(point=point), data)
     # If a class has faded, its gamma may be lost in rounding. Then keep its alpha.
     alpha = np.where(
-        gamma > 0, gamma / (2 * np.maximum(at.Ew, MIN_SQUARES)), state.alpha
+        gamma > 0, gamma / (2 * np.maximum(point.Ew, MIN_SQUARES)), state.alpha
     )
     alpha = np.minimum(alpha, MAX_ALPHA)
-    beta = (data.n - gamma.sum()) / (2 * max(at.Ed + data.pure_error, MIN_SQUARES))
+    beta = (data.n - gamma.sum()) / (2 * max(point.Ed + data.pure_error, MIN_SQUARES))
     return _State(
-        at=at,
+        point=point,
         alpha=alpha,
-        alpha_of_weight=spread_over_weights(alpha, data.classes, at.w.size),
+        alpha_of_weight=spread_over_weights(alpha, data.classes, point.w.size),
         beta=beta,
         gamma=gamma,
     )

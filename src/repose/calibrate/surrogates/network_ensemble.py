@@ -85,17 +85,22 @@ class NetworkEnsemble(Surrogate):
         NetworkEnsemble
             The same ensemble.
         """
-        # The fit of one network trains all starts, and chooses the best one.
+        # The first member has the settings of all. Its fit trains a network from each
+        # start, and gives it the weights of the best one.
         best = self.members_[0]
-        best.inputs = self.inputs
+        best.inputs = self.inputs  # it names the inputs in its report
         best.fit(X, Y, **noise)
 
         # Choose the starts that converged, and whose evidence is near the largest one.
+        # The decrement is how far a start ended above the minimum of its objective.
         self.member_starts_ = []
-        for start in best.starts_:
-            is_near = start["log_evidence"] >= best.log_evidence_ - MAX_EVIDENCE_GAP
-            if is_near and start["decrement"] < CONVERGED:
-                self.member_starts_.append(start["start"])
+        for statistics in best.starts_:
+            min_evidence = best.log_evidence_ - MAX_EVIDENCE_GAP
+            is_near = statistics["log_evidence"] >= min_evidence
+            if is_near and statistics["decrement"] < CONVERGED:
+                self.member_starts_.append(statistics["start"])
+
+        # The best network is a member even if no start converged.
         others = [
             best.get_network_of_start(k)
             for k in self.member_starts_
@@ -170,8 +175,9 @@ class NetworkEnsemble(Surrogate):
     def _predict_means(self, X: ArrayLike) -> np.ndarray:
         """Predict the means of all networks at once.
 
-        The last result is cached, because a sampler needs mean and covariance at the
-        same points.
+        The last result is kept in `_last`, because a sampler needs mean and covariance
+        at the same points. `_set_members` clears it, so change the members only through
+        this method. The caller must not change the result in place.
 
         Parameters
         ----------
@@ -181,28 +187,31 @@ class NetworkEnsemble(Surrogate):
         Returns
         -------
         array (members, n, k)
+            The means that each network predicts, in the units of the responses.
         """
         first = self.members_[0]
         X = check_points(X, len(first.input_min_))
         if self._last is not None and np.array_equal(X, self._last.points):
             return self._last.means
-        x = scale_columns(X, first.input_min_, first.input_max_, first.scaled_range)
+        scaled_inputs = scale_columns(
+            X, first.input_min_, first.input_max_, first.scaled_range
+        )
         # All networks have the same scalings, so one product handles all their weights.
         W1 = self._stack("W1")
         b1 = self._stack("b1")
         W2 = self._stack("W2")
         b2 = self._stack("b2")
         # Indices: member m, sample n, input i, hidden neuron h, response k (Eq. 6-8).
-        hidden = np.tanh(np.einsum("ni,mhi->mnh", x, W1) + b1[:, None])
-        y = np.einsum("mnh,mkh->mnk", hidden, W2) + b2[:, None]
+        hidden = np.tanh(np.einsum("ni,mhi->mnh", scaled_inputs, W1) + b1[:, None])
+        scaled_outputs = np.einsum("mnh,mkh->mnk", hidden, W2) + b2[:, None]
         means = unscale_columns(
-            y, first.output_min_, first.output_max_, first.scaled_range
+            scaled_outputs, first.output_min_, first.output_max_, first.scaled_range
         )
         self._last = _Prediction(points=X.copy(), means=means)
         return means
 
     def _stack(self, key: str) -> np.ndarray:
-        """Stack an array of all networks as (members, ...), and keep it.
+        """Stack an array of all networks as (members, ...), and keep it in a cache.
 
         The key is one of `MEMBER_ARRAYS`, or `ALL_WEIGHTS`.
         """

@@ -76,7 +76,7 @@ class Process:
         The points.
     values : array (n,)
         The values at the points.
-    errors : float or array (n,)
+    noise_variances : float or array (n,)
         Known variances of the noise of the values. If there is also `noise`, both are
         added.
     noise : kernel, optional
@@ -91,12 +91,12 @@ class Process:
         The kernel with the estimated hyperparameters, without the noise.
     noise_level : float
         Estimated variance of `noise`; 0 if `noise` is None.
-    root : array (n, n)
-        Cholesky root L of the covariance K of the values, noise included.
+    cholesky : array (n, n)
+        Cholesky factor L of the covariance K of the values, noise included.
     weights : array (n,)
         K^-1 values.
-    errors : float or array (n,)
-        Variances of the noise of the values.
+    noise_variances : float or array (n,)
+        Variances of the noise of the values, the known and the fitted part together.
     log_likelihood : float
         Log marginal likelihood of the values.
     """
@@ -106,19 +106,20 @@ class Process:
         kernel: Any,
         x: np.ndarray,
         values: np.ndarray,
-        errors: ArrayLike = JITTER,
+        noise_variances: ArrayLike = JITTER,
         noise: Any = None,
         optimizer: str | Callable | None = "fmin_l_bfgs_b",
     ) -> None:
-        """Fit the free hyperparameters, and condition the process on the values.
+        """Condition the process on the values, after fitting any hyperparameters.
 
         The docstring of the class describes the parameters.
         """
         self.x = x
         self.values = values
-        self.noise_level = 0.0
-        self.errors = errors
+        self.noise_level = 0.0  # `_fit` replaces it if there is `noise`
+        self.noise_variances = noise_variances
         if noise is None and optimizer is None:
+            # There is nothing to fit, so use a faster way to the same results.
             self._condition(kernel)
         else:
             self._fit(kernel, noise, optimizer)
@@ -127,11 +128,12 @@ class Process:
         """Fit the free hyperparameters with scikit-learn, and set all attributes.
 
         The variance of `noise` is fitted together with the kernel. Afterwards the noise
-        is separated from the kernel, and added to the known errors.
+        is separated from the kernel, and added to the known `noise_variances`. As a
+        second call would add it again, this is called only once.
         """
         kernel_with_noise = kernel if noise is None else kernel + noise
         model = GaussianProcessRegressor(
-            kernel_with_noise, alpha=self.errors, optimizer=optimizer
+            kernel_with_noise, alpha=self.noise_variances, optimizer=optimizer
         )
         with warnings.catch_warnings():
             # scikit-learn warns if a length is at its bound. Here this is expected for
@@ -142,32 +144,37 @@ class Process:
         if noise is None:
             self.kernel = model.kernel_
         else:
-            # The sum of two kernels has its parts as k1 and k2.
+            # The fitted sum `kernel + noise` has its two terms as k1 and k2.
             self.kernel = model.kernel_.k1
             fitted_noise = model.kernel_.k2
             self.noise_level = float(fitted_noise.noise_level)
-            self.errors = self.errors + np.diagonal(fitted_noise(self.x))
-        self.root = model.L_
+            fitted_variances = np.diagonal(fitted_noise(self.x))
+            self.noise_variances = self.noise_variances + fitted_variances
+        self.cholesky = model.L_
         self.weights = model.alpha_
         self.log_likelihood = float(model.log_marginal_likelihood_value_)
 
     def _condition(self, kernel: Any) -> None:
-        """Condition a process whose hyperparameters are known (RW06, Algorithm 2.1).
+        """Condition a process whose hyperparameters are known, and set all attributes.
 
-        The results are exactly those of scikit-learn. Its checks and copies are left
-        out, because they take most of the time for tens of values.
+        This is Algorithm 2.1 of Rasmussen & Williams (2006). The steps are those of
+        `GaussianProcessRegressor` of scikit-learn, and the results have the same bits.
+        Its checks and copies are left out, because they take most of the time for tens
+        of values.
         """
         covariance = kernel(self.x)
-        covariance[np.diag_indices_from(covariance)] += self.errors
+        covariance[np.diag_indices_from(covariance)] += self.noise_variances
         self.kernel = kernel
-        self.root = linalg.cholesky(covariance, lower=True, check_finite=False)
+        self.cholesky = linalg.cholesky(covariance, lower=True, check_finite=False)
         self.weights = linalg.cho_solve(
-            (self.root, True), self.values, check_finite=False
+            (self.cholesky, True), self.values, check_finite=False
         )
-        (fit,) = np.einsum("ik,ik->k", self.values[:, None], self.weights[:, None])
+        # scikit-learn computes the product of values and weights in this way. Another
+        # way, such as `@`, would round differently.
+        (data_fit,) = np.einsum("ik,ik->k", self.values[:, None], self.weights[:, None])
         self.log_likelihood = float(
-            -0.5 * fit
-            - np.log(np.diag(self.root)).sum()
+            -0.5 * data_fit
+            - np.log(np.diag(self.cholesky)).sum()
             - len(self.values) / 2 * np.log(2 * np.pi)
         )
 
@@ -177,29 +184,30 @@ class Process:
 
     def compute_weights(self, values: np.ndarray) -> np.ndarray:
         """Compute the weights (n, f) of other values (n, f) at the same points."""
-        return linalg.cho_solve((self.root, True), values)
+        return linalg.cho_solve((self.cholesky, True), values)
 
     def moments(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Predict means and variances (m,) at points (m, d), without noise."""
         between = self.kernel(x, self.x)
         solved = linalg.solve_triangular(
-            self.root, between.T, lower=True, check_finite=False
+            self.cholesky, between.T, lower=True, check_finite=False
         )
         variance = self.kernel.diag(x) - (solved**2).sum(axis=0)
         return between @ self.weights, np.maximum(variance, MIN_VARIANCE)
 
     def predict_left_out(self) -> tuple[np.ndarray, np.ndarray]:
-        """Predict each value from all the others.
+        """Predict each value from all the others (leave-one-out prediction).
 
         The results are means and variances (n,), without noise. Let K be the covariance
-        of the values, noise included. By (RW06), the mean is
-        value_i - (K^-1 values)_i / (K^-1)_ii. The variance is 1 / (K^-1)_ii, from which
-        the noise has to be subtracted.
+        of the values, noise included. The mean is
+        value_i - (K^-1 values)_i / (K^-1)_ii, and the variance of value_i is
+        1 / (K^-1)_ii (Rasmussen & Williams 2006, section 5.4.2). The noise of value_i
+        is subtracted from it.
         """
-        inverse = linalg.cho_solve((self.root, True), np.eye(len(self.x)))
+        inverse = linalg.cho_solve((self.cholesky, True), np.eye(len(self.x)))
         precision = inverse.diagonal()
         means = self.values - self.weights / precision
-        variances = np.maximum(1 / precision - self.errors, MIN_VARIANCE)
+        variances = np.maximum(1 / precision - self.noise_variances, MIN_VARIANCE)
         return means, variances
 
 
@@ -217,8 +225,10 @@ class SparseProcess:
         Covariance of the process; its hyperparameters stay as they are.
     x : array (n, d)
         The points.
-    values, errors : array (n,)
-        See `Process`.
+    values : array (n,)
+        The values at the points.
+    noise_variances : array (n,)
+        Known variances of the noise of the values.
     centres : array (M, d)
         Some of the points.
 
@@ -237,7 +247,7 @@ class SparseProcess:
         kernel: Any,
         x: np.ndarray,
         values: np.ndarray,
-        errors: np.ndarray,
+        noise_variances: np.ndarray,
         centres: np.ndarray,
     ) -> None:
         """Condition the process on the values.
@@ -245,37 +255,42 @@ class SparseProcess:
         The docstring of the class describes the parameters.
         """
         self.kernel = kernel
-        self.x = centres
+        self.x = centres  # a prediction needs the centres, but no other points
         self.values = values
-        self.errors = errors
+        self.noise_variances = noise_variances
 
-        # With the covariances K_cc of the centres and K_cx of centres and points, the
-        # centres explain K_xc K_cc^-1 K_cx. This is the product of the features.
-        variance_of_centres = kernel(centres)
-        jitter = JITTER * variance_of_centres.diagonal().mean()
-        self._root_of_centres = linalg.cholesky(
-            variance_of_centres + jitter * np.eye(len(centres)), lower=True
+        # Let K_cc be the covariance of the process at the centres, and K_cx that
+        # between centres and points. Of the covariance of the points, the centres
+        # explain K_xc K_cc^-1 K_cx = F' F, where the features F are L^-1 K_cx with the
+        # Cholesky factor L of K_cc.
+        covariance_of_centres = kernel(centres)
+        jitter = JITTER * covariance_of_centres.diagonal().mean()
+        self._centres_cholesky = linalg.cholesky(
+            covariance_of_centres + jitter * np.eye(len(centres)), lower=True
         )
-        features = self._solve(self._root_of_centres, kernel(centres, x))
+        features = self._solve(self._centres_cholesky, kernel(centres, x))
         # The variance that the centres leave unexplained counts as noise.
         unexplained = kernel.diag(x) - (features**2).sum(axis=0)
-        self._noise = errors + np.maximum(unexplained, 0.0)
+        self._total_noise = noise_variances + np.maximum(unexplained, 0.0)
 
-        # Let A be the features divided by the standard deviation of the noise. Then the
-        # precision of the features is I + A A' (SG06).
-        self._scaled = features / np.sqrt(self._noise)
-        precision = np.eye(len(centres)) + self._scaled @ self._scaled.T
-        self._root = linalg.cholesky(precision, lower=True)
+        # Before the values are known, the coefficients of the features have the unit
+        # matrix as covariance. Afterwards, the inverse of their covariance is the
+        # precision matrix I + A A', where A are the features divided by the standard
+        # deviation of the noise (Snelson & Ghahramani 2006).
+        self._scaled_features = features / np.sqrt(self._total_noise)
+        precision = (
+            np.eye(len(centres)) + self._scaled_features @ self._scaled_features.T
+        )
+        self._precision_cholesky = linalg.cholesky(precision, lower=True)
         self.weights = self.compute_weights(values)
 
-        # The values lower the variance of the features by I - precision^-1 = R R'. Keep
-        # the root R, converted to covariances with the centres, because a single
-        # product with it then shows by how much the values lower the variance at a
-        # point.
+        # So the values lower the covariance of the coefficients by I - precision^-1.
+        # Write this as R R', and keep L'^-1 R: `moments` multiplies it by covariances
+        # with the centres, and sums the squares.
         eigenvalues, axes = linalg.eigh(precision)
-        root_of_gain = axes * np.sqrt(np.maximum(1 - 1 / eigenvalues, 0.0))
-        self._gain = linalg.solve_triangular(
-            self._root_of_centres, root_of_gain, lower=True, trans="T"
+        reduction_factor = axes * np.sqrt(np.maximum(1 - 1 / eigenvalues, 0.0))
+        self._reduction = linalg.solve_triangular(
+            self._centres_cholesky, reduction_factor, lower=True, trans="T"
         )
 
     def mean(self, x: np.ndarray) -> np.ndarray:
@@ -284,43 +299,54 @@ class SparseProcess:
 
     def compute_weights(self, values: np.ndarray) -> np.ndarray:
         """Compute the weights (M, f) of other values (n, f) at the same points."""
-        scaled = (values.T / np.sqrt(self._noise)).T
-        solved = linalg.cho_solve((self._root, True), self._scaled @ scaled)
+        scaled = (values.T / np.sqrt(self._total_noise)).T
+        coefficients = linalg.cho_solve(
+            (self._precision_cholesky, True), self._scaled_features @ scaled
+        )
         return linalg.solve_triangular(
-            self._root_of_centres, solved, lower=True, trans="T"
+            self._centres_cholesky, coefficients, lower=True, trans="T"
         )
 
     def moments(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Predict means and variances (m,) at points (m, d), without noise."""
         between = self.kernel(x, self.x)
-        variance = self.kernel.diag(x) - ((between @ self._gain) ** 2).sum(axis=1)
+        reduction = ((between @ self._reduction) ** 2).sum(axis=1)
+        variance = self.kernel.diag(x) - reduction
         return between @ self.weights, np.maximum(variance, MIN_VARIANCE)
 
     def predict_left_out(self) -> tuple[np.ndarray, np.ndarray]:
-        """Predict each value from all the others, as `Process.predict_left_out`.
+        """Predict each value from all the others (leave-one-out prediction).
 
-        K is the sum of what the centres explain and of the noise, so the matrix
-        inversion lemma gives K^-1.
+        The formulas are those of `Process.predict_left_out`. They need the inverse of
+        the covariance K of the values. Here K = F' F + D, with the features F and the
+        diagonal matrix D of the noise, so the matrix inversion lemma gives
+        K^-1 = D^(-1/2) (I - B' B) D^(-1/2).
         """
-        solved = self._solve(self._root, self._scaled)
-        precision = (1 - (solved**2).sum(axis=0)) / self._noise
-        scaled = self.values / np.sqrt(self._noise)
-        weights = (scaled - solved.T @ (solved @ scaled)) / np.sqrt(self._noise)
-        means = self.values - weights / precision
-        variances = np.maximum(1 / precision - self.errors, MIN_VARIANCE)
+        B = self._solve(self._precision_cholesky, self._scaled_features)
+        noise_std = np.sqrt(self._total_noise)
+        inverse_diagonal = (1 - (B**2).sum(axis=0)) / self._total_noise
+        scaled_values = self.values / noise_std
+        inverse_times_values = (scaled_values - B.T @ (B @ scaled_values)) / noise_std
+        means = self.values - inverse_times_values / inverse_diagonal
+        # The variance that the centres leave unexplained is part of the process, so
+        # subtract only the noise of the values.
+        variances = np.maximum(
+            1 / inverse_diagonal - self.noise_variances, MIN_VARIANCE
+        )
         return means, variances
 
     @staticmethod
-    def _solve(root: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """Solve a lower triangular system."""
-        return linalg.solve_triangular(root, right, lower=True, check_finite=False)
+    def _solve(lower: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Solve the equations lower X = right with a lower triangular matrix."""
+        return linalg.solve_triangular(lower, right, lower=True, check_finite=False)
 
 
 def choose_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
-    """Choose points that explain the variance of a process at all other points.
+    """Choose the centres of a `SparseProcess` among its points.
 
-    Each step chooses the point whose variance is least explained by the points chosen
-    before. These points are the pivots of a Cholesky decomposition.
+    Each step chooses the point whose variance is least explained by the centres chosen
+    before. These points are the pivots of a Cholesky decomposition of the covariance,
+    and the features are the rows of its factor.
 
     Parameters
     ----------
@@ -329,15 +355,16 @@ def choose_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
     x : array (n, d)
         The points.
     count : int
-        Largest number of points to choose.
+        Largest number of centres to choose.
 
     Returns
     -------
     array of int
-        Rows of the chosen points. There are fewer than `count` if they already explain
+        Row numbers of the centres. There are fewer than `count` if they already explain
         the whole variance.
     """
     remaining_variance = kernel.diag(x).copy()
+    # A smaller variance is a rounding error.
     negligible_variance = JITTER * remaining_variance.max()
     features = np.zeros((count, len(x)))
     rows: list[int] = []

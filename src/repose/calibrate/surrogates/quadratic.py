@@ -20,7 +20,7 @@ from repose.calibrate.surrogates.base import Noise, Surrogate, register
 from repose.calibrate.surrogates.samples import (
     check_points,
     check_samples,
-    find_independent_mixing,
+    compute_decorrelating_mixing,
 )
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.surrogates.support import compute_quadratic_terms
@@ -56,12 +56,12 @@ class QuadraticSurface(Surrogate):
         **noise
             As in `Surrogate.fit`. `noise_covariance` is only checked: correlated noise
             does not change the coefficients, because all responses have the same terms
-            (Z62).
+            (Zellner 1962).
 
         Returns
         -------
         QuadraticSurface
-            The same surface.
+            This object, now fitted.
 
         Raises
         ------
@@ -70,15 +70,18 @@ class QuadraticSurface(Surrogate):
         """
         X, Y, _, precision = check_samples(X, Y, **noise)
         n_outputs = Y.shape[1]
-        # This call only checks the covariance, because the mixing itself is not needed.
-        find_independent_mixing(
+        # This call only checks the covariance. Its result, the combinations of outputs
+        # with independent noise, is not needed here.
+        compute_decorrelating_mixing(
             noise.get("noise_covariance"), np.ones(n_outputs), precision
         )
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
-        self.offset_ = np.zeros(n_outputs)
-        self.low_ = X.min(axis=0)
-        self.width_ = compute_widths(X.min(axis=0), X.max(axis=0))
-        self.varies_ = X.max(axis=0) > self.low_  # which parameters are not constant
+        self.offset_ = np.zeros(n_outputs)  # `shifted` changes it in a copy
+        low = X.min(axis=0)
+        high = X.max(axis=0)
+        self.low_ = low
+        self.width_ = compute_widths(low, high)
+        self.varies_ = high > low  # which parameters are not constant
 
         # The noise is estimated from residuals, so there must be more samples than
         # terms.
@@ -91,12 +94,14 @@ class QuadraticSurface(Surrogate):
                 f"expected at least {n_terms + 1}, one more than the terms"
             )
 
-        # There is one fit for each response, or a single fit of all responses. In the
-        # second case, all responses share the same root.
+        # There is one fit for each response, or a single fit of all responses.
         fits = _fit_responses(terms, Y, precision)
         self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
         residuals = np.hstack([fit.residuals for fit in fits])
-        self._roots = [fit.root for fit in fits] * (n_outputs // len(fits))
+        # List the factor of each response. After a single fit, all have the same one.
+        n_responses_per_fit = n_outputs // len(fits)
+        self._factors = [fit.factor for fit in fits] * n_responses_per_fit
+        # The variances are the diagonal of the covariance, but for rounding errors.
         self.residual_covariance_ = residuals.T @ residuals / degrees_of_freedom
         self._variances = (residuals**2).sum(axis=0) / degrees_of_freedom
         return self
@@ -108,20 +113,22 @@ class QuadraticSurface(Surrogate):
         mean = a @ self.coefficients_ + self.offset_
         if not return_std:
             return mean
-        # The variance of the mean is leverage times residual variance (MM09).
+        # The variance of the mean is leverage times residual variance (MM09), and the
+        # noise adds the residual variance once. `noise` is True or False, which count
+        # as 1 and 0.
         leverage = np.column_stack(
-            [((a @ root) ** 2).sum(axis=1) for root in self._roots]
+            [((a @ factor) ** 2).sum(axis=1) for factor in self._factors]
         )
         return mean, np.sqrt((leverage + noise) * self._variances)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Compute the covariance (n, k, k) of the predicted means (Z62).
+        """Compute the covariance (n, k, k) of the predicted means (Zellner 1962).
 
-        For responses k and l it is S_kl a' R_k R_l' a, with S the covariance of the
-        residuals and R the roots of `_fit_weighted`.
+        For responses k and l it is S_kl a' R_k R_l' a, where S is the covariance of the
+        residuals, and R_k is the factor of response k from `_fit_weighted`.
         """
         a = self._compute_terms(check_points(X, len(self.low_)))
-        products = np.stack([a @ root for root in self._roots], axis=1)
+        products = np.stack([a @ factor for factor in self._factors], axis=1)
         return products @ products.transpose(0, 2, 1) * self.residual_covariance_
 
     def report(self) -> dict[str, Any]:
@@ -168,7 +175,7 @@ class _Fit(NamedTuple):
 
     coefficients: np.ndarray  # (terms, k)
     residuals: np.ndarray  # (n, k), weighted
-    root: np.ndarray  # R (terms, n) with R R' = (A' W A)^-1
+    factor: np.ndarray  # R (terms, n) with R R' = (A' W A)^-1
 
 
 def _fit_responses(A: np.ndarray, Y: np.ndarray, precision: np.ndarray) -> list[_Fit]:
@@ -185,9 +192,11 @@ def _fit_responses(A: np.ndarray, Y: np.ndarray, precision: np.ndarray) -> list[
 
 
 def _fit_weighted(A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray) -> _Fit:
-    """Fit coefficients of the terms A (n, terms) to responses Y (n, k) (A35).
+    """Fit coefficients of the terms A (n, terms) to responses Y (n, k).
 
-    W is the diagonal matrix of the precisions, whose roots (n,) are given.
+    Weighted least squares (Aitken 1935): the rows of A and Y are multiplied by the
+    square roots (n,) of their precisions. In `_Fit`, W is the diagonal matrix of the
+    precisions.
     """
     root_W = root_precision[:, None]
     weighted = A * root_W
@@ -195,5 +204,5 @@ def _fit_weighted(A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray) -> _
     return _Fit(
         coefficients=coefficients,
         residuals=(Y - A @ coefficients) * root_W,
-        root=np.linalg.pinv(weighted),
+        factor=np.linalg.pinv(weighted),
     )

@@ -83,15 +83,20 @@ def make(
 
 
 def on_scale(model: Surrogate, scale: Mapping[str, str]) -> Surrogate:
-    """Make a surrogate learn its inputs on their scales.
+    """Wrap a surrogate so that it learns each input on the input's scale.
 
     Parameters
     ----------
     model : Surrogate
         The surrogate.
     scale : mapping
-        Name of the scale of each input whose scale is not linear. If it is empty, the
-        result is the surrogate itself.
+        Name of the scale of each input whose scale is not linear.
+
+    Returns
+    -------
+    Surrogate
+        The given surrogate inside a `ScaledInputs`, or the given surrogate itself if
+        all scales are linear.
     """
     if not scale:
         return model
@@ -118,16 +123,18 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     Raises
     ------
     InputError
-        If the file cannot be read, holds no surrogate, or has other responses.
+        If the file cannot be read, does not contain a surrogate, or has other
+        responses.
     """
     content = read_json(path, KEYS, "a surrogate's JSON file")
     kind = surrogate_class(content["surrogate"], path)
     _check_finite(content, path)
-    # A damaged file may cause many kinds of errors, so catch all of them and name the
-    # file.
+    # Damaged content may raise any of these errors in `from_dict`. Catch all of them,
+    # and raise one error that names the file, the kind of surrogate and the cause.
     try:
         samples = _check_sample_numbers(content.get("samples", []))
         model = on_scale(kind.from_dict(content), _check_scale(content))
+        # This sets the names of inputs and outputs, which the file has, too.
         model.describe(
             inputs=content["inputs"],
             outputs=content["outputs"],
@@ -152,7 +159,7 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
 
 
 def _check_finite(content: Mapping[str, Any], path: object) -> None:
-    """Refuse NaN and infinity, which `Surrogate.save` never writes."""
+    """Raise InputError for NaN and infinity, which `Surrogate.save` never writes."""
     try:
         json.dumps(content, allow_nan=False)
     except ValueError:

@@ -25,37 +25,38 @@ class Scatter(NamedTuple):
     """Scatter of replicates about the means of their samples."""
 
     sum_of_squares: float
-    degrees_of_freedom: float  # degrees of freedom
+    degrees_of_freedom: float
 
 
 NO_SCATTER = Scatter(0.0, 0.0)
 
 
-def find_independent_mixing(
-    noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
+def compute_decorrelating_mixing(
+    noise_covariance: ArrayLike | None, output_scale: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
-    """Find combinations of the outputs that have independent noise (A35).
+    """Compute the matrix M for which the combinations y M have independent noise.
 
-    The outputs of one experiment share part of their noise. If this were ignored, the
+    The outputs y of one experiment share part of their noise. If this were ignored, the
     shared part would look like a signal. Let C be the noise covariance of the scaled
-    outputs y, and L its Cholesky root, so L L' = C. Then the combinations y inv(L)'
-    have independent noise. Their coefficients are scaled to a determinant of 1, so that
-    the combinations have a similar range as the outputs.
+    outputs, and L its Cholesky factor, so L L' = C. Then the noise of y inv(L)' has the
+    unit matrix as covariance (Aitken 1935). M is inv(L)' scaled to a determinant of 1,
+    so that the combinations have a similar range as the outputs.
 
     Parameters
     ----------
     noise_covariance : array (outputs, outputs) or None
         In the units of the responses, up to a factor.
-    stretch : array (outputs,)
+    output_scale : array (outputs,)
         Size of one unit of each scaled output, in units of the response.
     precision : array (samples, outputs)
-        Precision of each value. It must be the same for all outputs of a sample.
+        Weight of each value, as in `Surrogate.fit`. It must be the same for all outputs
+        of a sample.
 
     Returns
     -------
     array (outputs, outputs)
-        Coefficients of the combinations, one combination in each column. Without a
-        noise covariance, this is the unit matrix.
+        The matrix M, which has the coefficients of a combination in each column.
+        Without a noise covariance, it is the unit matrix.
 
     Raises
     ------
@@ -64,27 +65,29 @@ def find_independent_mixing(
         between outputs.
     """
     if noise_covariance is None:
-        return np.eye(len(stretch))
+        return np.eye(len(output_scale))
     covariance = np.asarray(noise_covariance, dtype=float)
-    shape = (len(stretch), len(stretch))
+    shape = (len(output_scale), len(output_scale))
     if covariance.shape != shape or not np.allclose(covariance, covariance.T):
         raise ValueError(
-            f"noise_covariance is {noise_covariance!r}; expected symmetric, {shape}"
+            f"noise_covariance is {noise_covariance!r}; "
+            f"expected a symmetric matrix of shape {shape}"
         )
     if np.ptp(precision, axis=1).any():
         raise ValueError(
-            "precision differs between outputs; "
-            "allowed with noise_covariance: one per sample"
+            "precision differs between the outputs of a sample; "
+            "with noise_covariance, it must be the same for all of them"
         )
     try:
-        root = np.linalg.cholesky(covariance / np.outer(stretch, stretch))
+        factor = np.linalg.cholesky(covariance / np.outer(output_scale, output_scale))
     except np.linalg.LinAlgError as error:
         raise ValueError(
             f"noise_covariance is {noise_covariance!r}; expected positive definite"
         ) from error
-    # The determinant of the root is the product of its diagonal.
-    geometric_mean = np.prod(np.diagonal(root)) ** (1 / len(root))
-    return np.linalg.inv(root).T * geometric_mean
+    # The determinant of the triangular factor is the product of its diagonal. So the
+    # inverse has the determinant 1 if it is multiplied by the geometric mean.
+    geometric_mean = np.prod(np.diagonal(factor)) ** (1 / len(factor))
+    return np.linalg.inv(factor).T * geometric_mean
 
 
 class CombinedOutputs:
@@ -96,9 +99,9 @@ class CombinedOutputs:
     values: np.ndarray  # (n, k), the scaled combinations at the samples
 
     def _combine(self, Y: np.ndarray, mixing: np.ndarray) -> None:
-        """Set the combinations of the responses Y (n, k), and their scaling.
+        """Set the scaled combinations of the responses Y (n, k), and their scaling.
 
-        The combinations are the columns of `mixing` (k, k).
+        The coefficients of the combinations are the columns of `mixing` (k, k).
         """
         mixed = Y @ mixing
         self._mixing = mixing
@@ -114,19 +117,22 @@ class CombinedOutputs:
     def _covariance(self, variances: np.ndarray) -> np.ndarray:
         """Compute the covariance (m, k, k) of the responses.
 
-        `variances` (m, k) are those of the scaled combinations, which are independent.
+        `variances` (m, k) are the variances of the scaled combinations, which are
+        independent.
         """
-        roots = (np.sqrt(variances) * self._scale)[:, :, None] * self._unmixing
-        return roots.transpose(0, 2, 1) @ roots
+        factors = (np.sqrt(variances) * self._scale)[:, :, None] * self._unmixing
+        return factors.transpose(0, 2, 1) @ factors
 
 
 def compute_pure_error(
     noise_covariance: ArrayLike | None,
     degrees_of_freedom: float,
-    stretch: np.ndarray,
+    output_scale: np.ndarray,
     mixing: np.ndarray,
 ) -> Scatter:
-    """Compute the scatter of replicates in the mixed outputs.
+    """Compute the scatter of replicates about their means, in the mixed outputs.
+
+    The mixed outputs are the combinations of `compute_decorrelating_mixing`.
 
     Parameters
     ----------
@@ -135,13 +141,13 @@ def compute_pure_error(
     degrees_of_freedom : float
         Degrees of freedom from which replicates estimated the covariance. With 0 the
         covariance is known only up to a factor, and there is no scatter.
-    stretch, mixing : array
-        As in `find_independent_mixing`.
+    output_scale, mixing : array
+        As in `compute_decorrelating_mixing`.
 
     Raises
     ------
     ValueError
-        For a negative number of degrees of freedom, or one without a covariance.
+        If there are degrees of freedom without a covariance, or fewer than 0.
     """
     if degrees_of_freedom == 0:
         return NO_SCATTER
@@ -150,7 +156,9 @@ def compute_pure_error(
             f"noise_freedom is {degrees_of_freedom!r}; "
             "expected 0 or more, and 0 without noise_covariance"
         )
-    scaled = np.asarray(noise_covariance, dtype=float) / np.outer(stretch, stretch)
+    scaled = np.asarray(noise_covariance, dtype=float) / np.outer(
+        output_scale, output_scale
+    )
     return Scatter(
         sum_of_squares=float(degrees_of_freedom * np.trace(mixing.T @ scaled @ mixing)),
         degrees_of_freedom=float(degrees_of_freedom * len(mixing)),
@@ -168,9 +176,9 @@ def check_samples(
 ) -> Samples:
     """Check the samples of a fit, and convert them to arrays of standard shape.
 
-    Samples of weight 0 are dropped. The arguments are those of `Surrogate.fit`, of
-    which `noise_covariance` and `noise_freedom` are ignored here.
-    `find_independent_mixing` and `compute_pure_error` check them.
+    Samples of weight 0 are dropped. So that `fit` can pass on all its arguments,
+    `noise_covariance` and `noise_freedom` are accepted here too, but ignored.
+    `compute_decorrelating_mixing` and `compute_pure_error` check these two.
 
     Parameters
     ----------
@@ -181,11 +189,15 @@ def check_samples(
     sample_weight : array (samples,), optional
         Weight of each sample; by default 1.
     precision : array (samples,) or (samples, outputs), optional
-        Precision of each sample, or of each of its values; by default 1.
+        Precision of each sample, or of each of its values; by default 1. The noise
+        variance of a value is inversely proportional to its precision.
+    noise_covariance, noise_freedom
+        Ignored.
 
     Returns
     -------
     Samples
+        The samples of positive weight.
 
     Raises
     ------
@@ -204,24 +216,25 @@ def check_samples(
             "expected two tables of equal length"
         )
     n_samples = len(X)
-    count = _convert_or_ones(sample_weight, n_samples)
+    sample_weight = _convert_or_ones(sample_weight, n_samples)
     precision = _convert_or_ones(precision, n_samples)
-    _check_weights(X=X, Y=Y, count=count, precision=precision)
+    _check_arrays(X=X, Y=Y, sample_weight=sample_weight, precision=precision)
+    # Give each value its own precision, also if there was one for each sample.
     precision = np.broadcast_to(precision.reshape(n_samples, -1), Y.shape)
 
     # Drop the samples of weight 0.
-    is_counted = count > 0
-    n_counted = np.count_nonzero(is_counted)
-    if n_counted < 2:
+    is_used = sample_weight > 0
+    n_used = np.count_nonzero(is_used)
+    if n_used < 2:
         raise ValueError(
-            f"{n_counted} samples have a weight above zero; "
+            f"{n_used} samples have a weight above zero; "
             f"expected at least 2 (n_samples = {n_samples})"
         )
     return Samples(
-        X=X[is_counted],
-        Y=Y[is_counted],
-        sample_weight=count[is_counted],
-        precision=precision[is_counted],
+        X=X[is_used],
+        Y=Y[is_used],
+        sample_weight=sample_weight[is_used],
+        precision=precision[is_used],
     )
 
 
@@ -232,10 +245,12 @@ def _convert_or_ones(values: ArrayLike | None, size: int) -> np.ndarray:
     return np.asarray(values, dtype=float)
 
 
-def _check_weights(
-    *, X: np.ndarray, Y: np.ndarray, count: np.ndarray, precision: np.ndarray
+def _check_arrays(
+    *, X: np.ndarray, Y: np.ndarray, sample_weight: np.ndarray, precision: np.ndarray
 ) -> None:
-    """Check the shapes of the counts and precisions, and the values of all arrays.
+    """Check the shapes of the weights and precisions, and the values of all arrays.
+
+    `check_samples` has checked the shapes of X and Y before.
 
     Parameters
     ----------
@@ -243,37 +258,44 @@ def _check_weights(
         Parameter sets.
     Y : array (samples, outputs)
         Responses of the samples.
-    count : array
-        How often each sample counts.
-    precision : array
-        One number for each sample, or one for each of its values.
+    sample_weight : array (samples,)
+        Weight of each sample.
+    precision : array (samples,) or (samples, outputs)
+        Precision of each sample, or of each response of each sample.
 
     Raises
     ------
     ValueError
-        If a shape is wrong, a number is not finite, a count is negative, or a precision
-        is not positive.
+        If a shape is wrong, a number is not finite, a weight is negative, or a
+        precision is not positive.
     """
     n_samples = len(X)
-    if count.shape != (n_samples,):
+    if sample_weight.shape != (n_samples,):
         raise ValueError(
-            f"sample_weight has shape {count.shape}; expected {(n_samples,)}"
+            f"sample_weight has shape {sample_weight.shape}; expected {(n_samples,)}"
         )
     if precision.shape not in ((n_samples,), Y.shape):
         raise ValueError(
             f"precision has shape {precision.shape}; "
             f"expected {(n_samples,)} or {Y.shape}"
         )
-    if not all(np.isfinite(values).all() for values in (X, Y, count, precision)):
+    arrays = (X, Y, sample_weight, precision)
+    if not all(np.isfinite(values).all() for values in arrays):
         raise ValueError("X, y, sample_weight and precision must be finite")
-    if (count < 0).any() or (precision <= 0).any():
+    if (sample_weight < 0).any() or (precision <= 0).any():
         raise ValueError(
-            "sample_weight must not be negative, precision must be above zero"
+            "sample_weight must not be negative, and precision must be above zero"
         )
 
 
 def check_points(X: ArrayLike, inputs: int) -> np.ndarray:
-    """Convert parameter sets to an array; ValueError unless (samples, inputs)."""
+    """Convert parameter sets to an array of the shape (samples, inputs).
+
+    Raises
+    ------
+    ValueError
+        If they do not have this shape.
+    """
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:
         raise ValueError(f"X has shape {X.shape}; expected (samples, {inputs})")

@@ -48,8 +48,8 @@ class ScaledInputs(Surrogate):
         return self.model.is_network
 
     @property
-    def knows_its_errors(self) -> bool:
-        return self.model.knows_its_errors
+    def can_predict_errors(self) -> bool:
+        return self.model.can_predict_errors
 
     @classmethod
     def of(cls, settings: NetworkSettings) -> Self:

@@ -43,9 +43,9 @@ class Support:
 
     Attributes
     ----------
-    farthest : float
-        Largest usual distance of a sample from its nearest neighbour, in ranges. It is
-        the quantile `DISTANCE_QUANTILE` of these distances.
+    usual_distance : float
+        Distance from the nearest neighbour that most samples do not exceed, in ranges.
+        It is the quantile `DISTANCE_QUANTILE` of these distances.
     largest_leverage : float
         Largest leverage of a sample; infinite if there are too few samples for a
         quadratic model.
@@ -71,24 +71,27 @@ class Support:
         from scipy.spatial import cKDTree
 
         points = np.asarray(points, dtype=float)
+        d = len(names)
+        if points.ndim != 2 or len(points) < MIN_SAMPLES or points.shape[1] != d:
+            raise ValueError(
+                f"points has shape {points.shape}; "
+                f"expected at least {MIN_SAMPLES} rows of {d} numbers"
+            )
+        # Set the ranges first: `_scale_to_ranges` and `leverage` use them.
         self.names = tuple(names)
         self.scale = dict(scale or {})
         ends = np.array([low, high], dtype=float)
         self.low, self.high = to_coordinates(ends, self.names, self.scale)
         self._is_free = self.high > self.low
-        d = len(self.names)
-        if points.ndim != 2 or len(points) < MIN_SAMPLES or points.shape[1] != d:
-            raise ValueError(
-                f"points has shape {points.shape}; expected at least two rows of {d}"
-            )
         unit = self._scale_to_ranges(points)
         self.tree = cKDTree(unit)
         # The nearest sample of each sample is itself, so use the second nearest.
         two_distances, _ = self.tree.query(unit, k=2)
         neighbour_distances = two_distances[:, 1]
-        self.farthest = float(np.quantile(neighbour_distances, DISTANCE_QUANTILE))
+        self.usual_distance = float(np.quantile(neighbour_distances, DISTANCE_QUANTILE))
         # If there are too few samples for a quadratic model, no leverage is too large.
-        self._inverse_R = _compute_inverse_root(compute_quadratic_terms(unit))
+        # `leverage` uses `_inverse_R`, so set it first.
+        self._inverse_R = _compute_inverse_R(compute_quadratic_terms(unit))
         self.largest_leverage = np.inf
         if self._inverse_R is not None:
             self.largest_leverage = float(self.leverage(points).max())
@@ -131,8 +134,11 @@ class Support:
         )
         return is_at_bound
 
-    def is_beyond_ends(self, points: np.ndarray) -> np.ndarray:
-        """Mark the points that lie at an end of a range where there are no samples.
+    def is_at_end_without_samples(self, points: np.ndarray) -> np.ndarray:
+        """Mark the points that have a parameter at an end without samples.
+
+        An end is the lower or the upper limit of a parameter's range. It has no samples
+        if no sample has a value of the parameter near this limit.
 
         Parameters
         ----------
@@ -142,16 +148,18 @@ class Support:
         Returns
         -------
         array of bool (m,)
+            Whether a parameter of the point is at such an end.
         """
+        # The points and the samples of the tree are scaled to their ranges, whose ends
+        # are 0 and 1.
         unit = self._scale_to_ranges(points)
         samples = self.tree.data
-        # The ends of each scaled range are 0 and 1.
-        is_beyond = np.zeros(len(unit), dtype=bool)
+        is_marked = np.zeros(len(unit), dtype=bool)
         for end in (0.0, 1.0):
             has_samples = (np.abs(samples - end) <= BOUND_FRACTION).any(axis=0)
             is_at_end = np.abs(unit - end) <= BOUND_FRACTION
-            is_beyond |= (is_at_end & ~has_samples).any(axis=1)
-        return is_beyond
+            is_marked |= (is_at_end & ~has_samples).any(axis=1)
+        return is_marked
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Compute the distance (m,) of points to their nearest sample, in ranges."""
@@ -176,15 +184,15 @@ class Support:
     def excess(self, points: np.ndarray) -> np.ndarray:
         """Measure how far points (m, d) lie outside the region of the samples, (m,).
 
-        The excess is the distance above `farthest` plus the leverage above
+        The excess is the distance above `usual_distance` plus the leverage above
         `largest_leverage`. It is 0 inside the region.
         """
-        distance = np.maximum(self.distance(points) - self.farthest, 0.0)
+        distance = np.maximum(self.distance(points) - self.usual_distance, 0.0)
         leverage = np.maximum(self.leverage(points) - self.largest_leverage, 0.0)
         return distance + leverage
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """Describe why each point is beyond the samples.
+        """Make a warning for each point that is at a bound or far from the samples.
 
         Parameters
         ----------
@@ -194,8 +202,8 @@ class Support:
         Returns
         -------
         list of str
-            All reasons for each point; empty for a point that is not beyond the
-            samples.
+            A text for each point, with all reasons for the warning. The text is empty
+            for a point without a warning.
         """
         points = np.atleast_2d(np.asarray(points, dtype=float))
         coordinates = to_coordinates(points, self.names, self.scale)
@@ -207,10 +215,10 @@ class Support:
             reasons = []
             if is_at_bound[k].any():
                 reasons.append(self._describe_bounds(coordinates[k], is_at_bound[k]))
-            if distances[k] > self.farthest:
+            if distances[k] > self.usual_distance:
                 reasons.append(
                     f"nearest sample {distances[k]:.2f} of a range away, "
-                    f"usual up to {self.farthest:.2f}"
+                    f"usually at most {self.usual_distance:.2f}"
                 )
             if leverages[k] > self.largest_leverage:
                 reasons.append(
@@ -239,7 +247,7 @@ class Support:
         return offsets / (self.high - self.low)[self._is_free]
 
 
-def _compute_inverse_root(terms: np.ndarray) -> np.ndarray | None:
+def _compute_inverse_R(terms: np.ndarray) -> np.ndarray | None:
     """Compute R^-1, with which the leverage of a row a of terms is |a R^-1|^2.
 
     R comes from the QR decomposition of the terms of the samples. The result is None if

@@ -86,7 +86,7 @@ def make_response_function(
     Parameters
     ----------
     network : mapping
-        As for `evaluate_network`.
+        The arrays named in `ARRAY_NAMES`, and the interval `scaled_range`.
     low, high : array (inputs,)
         The parameter values that -1 and 1 stand for.
 
@@ -98,21 +98,29 @@ def make_response_function(
     arrays = _convert_arrays(network)
     bottom, top = arrays["scaled_range"]
 
-    # A point stands for the parameter set X = (low + high) / 2 + point (high - low) /
-    # 2, which is scaled to x = bottom + (X - input_min) per_unit. Thus x is linear in
-    # the point. Put the slope into W1 and the constant into b1.
-    per_unit = (top - bottom) / compute_widths(arrays["input_min"], arrays["input_max"])
-    centre = bottom + ((low + high) / 2 - arrays["input_min"]) * per_unit
-    W1 = np.ascontiguousarray((arrays["W1"] * per_unit * (high - low) / 2).T)
-    b1 = arrays["b1"] + arrays["W1"] @ centre
+    # A point p stands for the parameter set
+    #
+    #     X = (low + high) / 2 + p (high - low) / 2
+    #
+    # which the network scales to x = bottom + (X - input_min) input_scale. So x is a
+    # linear function of p: its value at p = 0 goes into b1, and its slope into W1.
+    input_widths = compute_widths(arrays["input_min"], arrays["input_max"])
+    input_scale = (top - bottom) / input_widths
+    scaled_middle = bottom + ((low + high) / 2 - arrays["input_min"]) * input_scale
+    W1 = np.ascontiguousarray((arrays["W1"] * input_scale * (high - low) / 2).T)
+    b1 = arrays["b1"] + arrays["W1"] @ scaled_middle
 
-    # The responses are linear in the scaled outputs, so change W2 and b2 accordingly.
-    stretch = compute_widths(arrays["output_min"], arrays["output_max"]) / (
-        top - bottom
-    )
-    W2 = np.ascontiguousarray((arrays["W2"] * stretch[:, None]).T)
-    b2 = arrays["output_min"] + (arrays["b2"] - bottom) * stretch
-    return lambda points: np.tanh(points @ W1 + b1) @ W2 + b2
+    # The responses are linear functions of the scaled outputs, so change W2 and b2
+    # accordingly.
+    output_widths = compute_widths(arrays["output_min"], arrays["output_max"])
+    output_scale = output_widths / (top - bottom)
+    W2 = np.ascontiguousarray((arrays["W2"] * output_scale[:, None]).T)
+    b2 = arrays["output_min"] + (arrays["b2"] - bottom) * output_scale
+
+    def predict(points: np.ndarray) -> np.ndarray:
+        return np.tanh(points @ W1 + b1) @ W2 + b2
+
+    return predict
 
 
 def _convert_arrays(network: Mapping[str, Any]) -> dict[str, np.ndarray]:
@@ -124,12 +132,13 @@ def _convert_arrays(network: Mapping[str, Any]) -> dict[str, np.ndarray]:
 def draw_first_weights(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
-    """Draw random weights so that the neurons cover the range of the inputs (NW90).
+    """Draw random first weights by the method of Nguyen and Widrow (1990).
 
-    For inputs in [-1, 1], the input weights of each neuron form a vector of length 0.7
-    hidden^(1 / inputs), and its bias is uniform between minus this length and this
-    length. Then the neurons are adapted to inputs in `scaled_range`. The weights of the
-    outputs are uniform between -0.5 and 0.5.
+    The method spreads the neurons over the range of the inputs. For inputs in [-1, 1],
+    the input weights of each neuron form a vector of length 0.7 hidden^(1 / inputs),
+    and its bias is uniform between minus this length and this length. Then the weights
+    are converted to inputs in `scaled_range`. The weights of the outputs are uniform
+    between -0.5 and 0.5.
 
     Parameters
     ----------
@@ -145,24 +154,26 @@ def draw_first_weights(
     array (N,)
         The weights in the order W1, b1, W2, b2.
     """
-    random = np.random.RandomState(seed)
+    rng = np.random.RandomState(seed)
     length = NGUYEN_WIDROW_FACTOR * hidden ** (1 / inputs)
-    W1 = random.uniform(-1, 1, (hidden, inputs))
+    W1 = rng.uniform(-1, 1, (hidden, inputs))
     W1 *= length / np.linalg.norm(W1, axis=1, keepdims=True)
-    b1 = random.uniform(-length, length, hidden)
+    b1 = rng.uniform(-length, length, hidden)
 
-    # Adapt the neurons to inputs in `scaled_range` instead of [-1, 1].
+    # An input x in `scaled_range` stands for (x - middle) / half_width in [-1, 1]. Put
+    # this conversion into the weights: b1 needs the W1 that is already divided.
     middle = (scaled_range[0] + scaled_range[1]) / 2
     half_width = (scaled_range[1] - scaled_range[0]) / 2
     W1 /= half_width
     b1 -= W1.sum(axis=1) * middle
 
-    output_weights = random.uniform(-0.5, 0.5, outputs * (hidden + 1))
+    # These are W2 and b2.
+    output_weights = rng.uniform(-0.5, 0.5, outputs * (hidden + 1))
     return np.concatenate([W1.ravel(), b1, output_weights])
 
 
 def unpack_weights(w: np.ndarray, inputs: int, hidden: int, outputs: int) -> Layers:
-    """View a vector of weights (..., N) by layer."""
+    """View a vector of weights (..., N) by layer, in the order W1, b1, W2, b2."""
     end_of_W1 = hidden * inputs
     end_of_b1 = hidden * (inputs + 1)
     networks = w.shape[:-1]
@@ -180,7 +191,8 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
     Parameters
     ----------
     w : array (N,) or (N, columns)
-        Weights of a network, or several columns that are transformed like weights.
+        All weights of a network, in the order W1, b1, W2, b2. With several columns, the
+        same transformation is applied to each of them.
     mixing : array (outputs, outputs)
         Coefficients of the combinations, one combination in each column.
     hidden : int
@@ -200,6 +212,7 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
     parts = [w[:start_of_W2]]
     for weights in (W2, b2):
         rows = weights.reshape(outputs, -1)
+        # Give the result the dimensions of w again, one or two.
         parts.append((mixing.T @ rows).reshape(-1, *w.shape[1:]))
     return np.concatenate(parts)
 
@@ -207,11 +220,12 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
 def list_weight_classes(
     prior: str, inputs: int, hidden: int, outputs: int
 ) -> list[Any]:
-    """List the classes of weights that share an alpha (M92, M94).
+    """List the classes of weights that share a regularisation alpha.
 
     The prior "one" has a single class. The prior "layers" has three: input weights,
-    hidden biases, and output weights with their biases. The prior "inputs" divides the
-    input weights further, into one class for each input.
+    hidden biases, and output weights with their biases (MacKay 1992). The prior
+    "inputs" divides the input weights further, into one class for each input (MacKay
+    1994). `name_weight_classes` must keep the same order.
 
     Parameters
     ----------
@@ -223,18 +237,20 @@ def list_weight_classes(
     Returns
     -------
     list
-        For each class, the indices of its weights in the vector w.
+        For each class, the indices of its weights in the vector w: an array or, for the
+        single class, a slice.
     """
     if prior == "one":
         return [slice(None)]
+    # The order of the weights is W1, b1, W2, b2.
     indices = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
     end_of_W1 = hidden * inputs
     end_of_b1 = hidden * (inputs + 1)
     W1 = indices[:end_of_W1].reshape(hidden, inputs)
     input_classes = list(W1.T) if prior == "inputs" else [W1.ravel()]
     hidden_biases = indices[end_of_W1:end_of_b1]
-    output_weights = indices[end_of_b1:]
-    return [*input_classes, hidden_biases, output_weights]
+    output_weights_and_biases = indices[end_of_b1:]
+    return [*input_classes, hidden_biases, output_weights_and_biases]
 
 
 def name_weight_classes(prior: str, inputs: Sequence[Any]) -> list[str]:
@@ -253,8 +269,8 @@ def compute_jacobian(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the outputs and their derivatives with respect to the weights.
 
-    This is the chain rule of the paper's step (3). It is applied to each output
-    separately, as Levenberg-Marquardt requires (HM94):
+    The chain rule is applied to each output separately, as the Levenberg-Marquardt
+    method requires. With the values a of the hidden neurons:
 
         dy_k / dW2_kj = a_j,    dy_k / db2_k = 1,
         dy_k / db1_j = W2_kj (1 - a_j^2),    dy_k / dW1_ji = dy_k / db1_j x_i
@@ -273,7 +289,8 @@ def compute_jacobian(
     y : array (..., samples, outputs)
         Scaled outputs.
     J : array (..., samples, outputs, N)
-        Their derivatives.
+        Their derivatives with respect to the weights, which have the order of
+        `unpack_weights`.
     """
     inputs = x.shape[1]
     N = w.shape[-1]
@@ -282,15 +299,16 @@ def compute_jacobian(
     a = np.tanh(x @ W1.swapaxes(-1, -2) + b1[..., None, :])  # (Eq. 6-7)
     y = a @ W2.swapaxes(-1, -2) + b2[..., None, :]  # (Eq. 8)
 
-    # Fill in the derivatives in the order of w: W1, b1, W2, b2.
+    # Fill in the derivatives in the order of w: W1, b1, W2, b2. Weights of the hidden
+    # layer act on every output, so these arrays have the axes (..., samples, outputs,
+    # hidden), and for W1 also inputs.
     J = np.zeros((*y.shape, N))
-    by_b1 = W2[..., None, :, :] * (1 - a * a)[..., None, :]
     end_of_W1 = hidden * inputs
     end_of_b1 = end_of_W1 + hidden
-    by_W1 = by_b1[..., None] * x[:, None, None, :]
-    # Weights of the hidden layer act on every output.
-    J[..., :end_of_W1] = by_W1.reshape(*y.shape, end_of_W1)
-    J[..., end_of_W1:end_of_b1] = by_b1
+    dy_db1 = W2[..., None, :, :] * (1 - a * a)[..., None, :]
+    dy_dW1 = dy_db1[..., None] * x[:, None, None, :]
+    J[..., :end_of_W1] = dy_dW1.reshape(*y.shape, end_of_W1)
+    J[..., end_of_W1:end_of_b1] = dy_db1
     # Each output depends only on its own row of W2 and its own bias.
     for k in range(outputs):
         start = end_of_b1 + k * hidden
@@ -300,7 +318,10 @@ def compute_jacobian(
 
 
 def count_hidden_neurons(N: int, inputs: int, outputs: int) -> int:
-    """Count the hidden neurons of a network with N weights."""
+    """Count the hidden neurons of a network with N weights.
+
+    N = hidden (inputs + 1 + outputs) + outputs.
+    """
     return (N - outputs) // (inputs + 1 + outputs)
 
 

@@ -292,7 +292,7 @@ def _estimate_cached_nugget(
                     kernel,
                     unit_points,
                     values,
-                    errors=noise_fraction * relative_variances,
+                    noise_variances=noise_fraction * relative_variances,
                 ).log_likelihood
                 for noise_fraction in NOISE_FRACTIONS
             ]
@@ -344,12 +344,19 @@ def _interpolate_evidence(
     for noise_fraction in NOISE_FRACTIONS:
         noise_variances = noise_fraction * relative_variances
         # The fit to the subset finds variance and lengths. With these, the evidence of
-        # all samples needs no further fit. The argument `errors` takes variances.
+        # all samples needs no further fit.
         fit = Process(
-            kernel, unit_points[rows], values[rows], errors=noise_variances[rows]
+            kernel,
+            unit_points[rows],
+            values[rows],
+            noise_variances=noise_variances[rows],
         )
         process = Process(
-            fit.kernel, unit_points, values, errors=noise_variances, optimizer=None
+            fit.kernel,
+            unit_points,
+            values,
+            noise_variances=noise_variances,
+            optimizer=None,
         )
         log_evidence.append(process.log_likelihood)
     return CubicSpline(np.log(NOISE_FRACTIONS), log_evidence)(
