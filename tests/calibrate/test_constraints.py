@@ -201,8 +201,8 @@ def test_the_posterior_is_that_of_the_allowed_area():
     # A flat likelihood tells nothing.
     flat = compute_joint_information(
         lambda unit: np.zeros(len(unit)),
-        drawn=np.zeros(len(draws)),
-        effective=1000.0,
+        posterior_log_likelihoods=np.zeros(len(draws)),
+        effective_draws=1000.0,
         space=SPACE,
         seed=1,
     )

@@ -60,7 +60,7 @@ def test_the_unit_cube_is_even_in_the_logarithm_and_ends_at_the_ends():
     sets = SPACE.values(UNIT)
     assert np.log(sets[:, 0]) == pytest.approx(TWIN.values(UNIT)[:, 0])
     assert SPACE.unit(sets) == pytest.approx(UNIT)
-    assert SPACE.shares("gamma", sets[:, 0]) == pytest.approx(UNIT[:, 0])
+    assert SPACE.fractions_of_range("gamma", sets[:, 0]) == pytest.approx(UNIT[:, 0])
     ends = SPACE.values(np.array([[0.0, 0.0], [1.0, 1.0]]))
     assert ends[:, 0].tolist() == pytest.approx([LOW, HIGH], rel=1e-12)
     assert np.clip(ends[:, 0], LOW, HIGH).tolist() == ends[:, 0].tolist()
@@ -95,8 +95,8 @@ def test_a_normal_prior_is_one_of_the_value_whatever_the_scale():
         linear.prior_cdf(linear.unit(values))
     )
     shares = np.linspace(0.001, 0.999, 50)[:, None]
-    assert scaled.values(scaled.from_prior(shares)) == pytest.approx(
-        linear.values(linear.from_prior(shares))
+    assert scaled.values(scaled.transform_to_prior(shares)) == pytest.approx(
+        linear.values(linear.transform_to_prior(shares))
     )
     # The density in the unit cube is the slope of the distribution function.
     unit = np.linspace(0, 1, 20001)[:, None]

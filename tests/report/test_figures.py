@@ -379,7 +379,7 @@ def test_credible_intervals_show_the_answer(inputs):
     diamonds = [line for line in figure.axes[0].lines if line.get_marker() == "D"]
     names = pd.read_csv(files["posterior"])["parameter"]
     for name, diamond in zip(names, diamonds, strict=True):
-        expected = study.parameters.shares(name, answer[name])
+        expected = study.parameters.fractions_of_range(name, answer[name])
         assert diamond.get_xdata()[0] == pytest.approx(expected)
 
 

@@ -50,7 +50,7 @@ def find_near_bounds(
     """
     point = np.array([[float(answer[name]) for name in space.names]])
     response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
-    lows, highs = space.coordinate_ends
+    lows, highs = space.coordinate_bounds
     near = []
     for k, name in enumerate(space.free):
         slopes = _compute_slopes(surrogate, point, space, name)
@@ -120,7 +120,7 @@ def _compute_slopes(
         the parameter.
     """
     # The range of the parameter along its scale.
-    lows, highs = space.coordinate_ends
+    lows, highs = space.coordinate_bounds
     free_index = space.free.index(name)
     low = lows[free_index]
     high = highs[free_index]

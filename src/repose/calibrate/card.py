@@ -243,8 +243,8 @@ def widen_to_value(
         return {"low": None, "high": None}
     # Compare the value with both bounds along the scale of the parameter.
     k = space.free.index(name)
-    lowest = float(space.coordinate_ends[0][k])
-    highest = float(space.coordinate_ends[1][k])
+    lowest = float(space.coordinate_bounds[0][k])
+    highest = float(space.coordinate_bounds[1][k])
     coordinate = float(space.coordinates(name, np.array(value)))
     for side, bound in (("lower", lowest), ("upper", highest)):
         if abs(coordinate - bound) <= BOUND_TOLERANCE * (highest - lowest):

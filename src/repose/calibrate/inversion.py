@@ -374,7 +374,7 @@ def make_interval_table(solutions: pd.DataFrame, space: ParameterSpace) -> pd.Da
     names = list(space.names)
     low = solutions[names].min().to_numpy(float)
     high = solutions[names].max().to_numpy(float)
-    range_low, range_high = space.coordinate_ends
+    range_low, range_high = space.coordinate_bounds
     width_of_free = pd.Series(range_high - range_low, list(space.free))
     # A fixed parameter has an interval of width 0, so its dispersion is 0 for any width
     # of the range. Use 1 to avoid a division by 0.

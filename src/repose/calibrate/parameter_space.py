@@ -1,7 +1,11 @@
 """The parameters of a study: ranges of the free parameters, fixed values, priors.
 
-A point of the unit cube has a coordinate from 0 to 1 for each free parameter, evenly
-along its scale. Everything that searches or models the parameters works there.
+A point of the unit cube has a number from 0 to 1 for each free parameter: 0 stands for
+the lower end of its range, 1 for the upper end, evenly along its scale. Everything that
+searches or models the parameters works there.
+
+The coordinate of a parameter is its value or, on a logarithmic scale, the logarithm of
+its value.
 """
 
 import math
@@ -81,8 +85,8 @@ class ParameterSpace:
             The parameters to read, in this order. By default (None) these are all of
             the section.
         limits : mapping, optional
-            Lowest and highest possible value by name. A range that follows from a prior
-            is cut to them. A parameter that is not named has no limits.
+            Lowest and highest possible value by name. They cut the range of a parameter
+            that has a prior but no range. A parameter that is not named has no limits.
         constraints : sequence of str, optional
             The key `constraints` of the configuration. An item is a string such as
             "mur <= 0.5 * mus".
@@ -104,12 +108,14 @@ class ParameterSpace:
                 fixed[name] = float(entry["fixed"])
                 continue
             ranges[name] = find_range(name, entry, limits)
-            if get_scale(entry) != LINEAR:
-                scale[name] = get_scale(entry)
+            scale_name = get_scale(entry)
+            if scale_name != LINEAR:
+                scale[name] = scale_name
             if isinstance(entry, Mapping) and "prior" in entry:
                 mean = float(entry["prior"]["mean"])
                 sd = float(entry["prior"]["sd"])
                 prior[name] = (mean, sd)
+        # The free parameters keep the order of `names`, in which they were added.
         space = cls(
             free=tuple(ranges),
             low=np.array([low for low, _ in ranges.values()]),
@@ -136,57 +142,66 @@ class ParameterSpace:
 
     @property
     def centre(self) -> dict[str, float]:
-        """Centre of each parameter's range on its scale, or its fixed value."""
-        known = dict(self.fixed)
+        """Value of each parameter in the middle of its range, or its fixed value.
+
+        On a logarithmic scale, the middle is the geometric mean of both ends. The
+        values are rounded, so that rounding errors such as 0.30000000000000004 do not
+        appear in files: to 12 digits on a logarithmic scale, whose values may be very
+        small, and else to 12 decimal places.
+        """
+        centre = dict(self.fixed)
         for name, low, high in zip(
             self.free, self.low.tolist(), self.high.tolist(), strict=True
         ):
+            # `scale` only has the parameters whose scale is not linear.
             if name in self.scale:
                 middle = float(self.values_at(name, np.array(0.5)))
-                known[name] = float(f"{middle:.12g}")
+                centre[name] = float(f"{middle:.12g}")
             else:
-                known[name] = round((low + high) / 2, 12)
-        return {name: known[name] for name in self.names}
+                centre[name] = round((low + high) / 2, 12)
+        return {name: centre[name] for name in self.names}
 
     @property
-    def coordinate_ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """Ends (d,) of the ranges in the coordinates of their scales."""
+    def coordinate_bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper ends (d,) of the ranges of the free parameters, as coordinates."""
         low, high = to_coordinates(
             np.array([self.low, self.high]), self.free, self.scale
         )
         return low, high
 
     def coordinates(self, name: str, values: np.ndarray) -> np.ndarray:
-        """Convert values of a free parameter to coordinates along its scale."""
+        """Convert values of a free parameter to coordinates, such as logarithms."""
         return SCALES[self.scale.get(name, LINEAR)].forward(np.asarray(values))
 
-    def shares(self, name: str, values: np.ndarray) -> np.ndarray:
-        """Compute the positions of values of a free parameter within its range.
+    def fractions_of_range(self, name: str, values: np.ndarray) -> np.ndarray:
+        """Compute where values of a free parameter lie within its range.
 
         A fraction is 0 at the lower end and 1 at the upper end, and linear in between
         along the scale.
         """
-        low, high = self._coordinate_ends_of(name)
+        low, high = self._get_coordinate_bounds(name)
         return (self.coordinates(name, values) - low) / (high - low)
 
-    def values_at(self, name: str, shares: np.ndarray) -> np.ndarray:
+    def values_at(self, name: str, fractions: np.ndarray) -> np.ndarray:
         """Compute the values of a free parameter at fractions of its range, from 0 to 1.
 
-        This is the inverse of `shares`.
+        This is the inverse of `fractions_of_range`.
         """
-        low, high = self._coordinate_ends_of(name)
-        coordinates = low + shares * (high - low)
+        low, high = self._get_coordinate_bounds(name)
+        coordinates = low + fractions * (high - low)
         if name not in self.scale:
+            # On a linear scale, coordinates are values.
             return coordinates
-        # Rounding must not move a value out of its range.
-        k = self.free.index(name)
         values = SCALES[self.scale[name]].backward(coordinates)
+        # Converting the ends to coordinates and back may change their last digit. This
+        # must not move a value out of its range.
+        k = self.free.index(name)
         return np.clip(values, self.low[k], self.high[k])
 
-    def _coordinate_ends_of(self, name: str) -> tuple[float, float]:
-        """Return the ends of the range of a free parameter, in its coordinates."""
+    def _get_coordinate_bounds(self, name: str) -> tuple[float, float]:
+        """Return both ends of the range of a free parameter, as coordinates."""
         k = self.free.index(name)
-        low, high = self.coordinate_ends
+        low, high = self.coordinate_bounds
         return low[k], high[k]
 
     def values(self, unit: np.ndarray) -> np.ndarray:
@@ -196,15 +211,16 @@ class ParameterSpace:
     def free_values(self, unit: np.ndarray) -> np.ndarray:
         """Turn points (n, d) of the unit cube into values (n, d) of the free parameters."""
         points = np.atleast_2d(np.asarray(unit, dtype=float))
-        low, high = self.coordinate_ends
+        low, high = self.coordinate_bounds
         return self.from_coordinates(low + points * (high - low))
 
     def from_coordinates(self, coordinates: np.ndarray) -> np.ndarray:
-        """Turn coordinates (n, d) of the free parameters' scales into values (n, d)."""
+        """Turn coordinates (n, d) of the free parameters into values (n, d)."""
         if not self.scale:
             return coordinates
-        # Rounding must not move a value out of its range.
         values = to_values(coordinates, self.free, self.scale)
+        # Converting the ends to coordinates and back may change their last digit. This
+        # must not move a value out of its range.
         return np.clip(values, self.low, self.high)
 
     def complete(self, values: np.ndarray) -> np.ndarray:
@@ -225,7 +241,7 @@ class ParameterSpace:
         """Turn parameter sets (n, names) into points (n, d) of the unit cube."""
         values = np.atleast_2d(np.asarray(values, dtype=float))
         columns = [self.names.index(name) for name in self.free]
-        low, high = self.coordinate_ends
+        low, high = self.coordinate_bounds
         coordinates = to_coordinates(values[:, columns], self.free, self.scale)
         return (coordinates - low) / (high - low)
 
@@ -248,12 +264,12 @@ class ParameterSpace:
             allow. It is 0 where all constraints are obeyed.
         """
         total = np.zeros(len(unit))
-        for excess in self.excesses(unit).T:
+        for excess in self.compute_excesses(unit).T:
             total += np.maximum(excess, 0.0)
         return total
 
-    def excesses(self, unit: np.ndarray) -> np.ndarray:
-        """Compute by how much points of the unit cube exceed each constraint.
+    def compute_excesses(self, unit: np.ndarray) -> np.ndarray:
+        """Compute by how much points of the unit cube violate each constraint.
 
         Parameters
         ----------
@@ -263,14 +279,16 @@ class ParameterSpace:
         Returns
         -------
         numpy.ndarray, (n, constraints)
-            An excess is above 0 where the constraint is violated. It is a fraction of
-            the largest excess that the ranges allow.
+            Difference between both sides of a constraint, above 0 where it is violated.
+            It is divided by an upper limit of its size within the ranges.
         """
         if not self.constraints:
             return np.zeros((len(unit), 0))
         values = self.values(unit)
-        # Divide each excess by its upper limit, so that the excesses of constraints
-        # with different units can be compared.
+        # Divide each excess by an upper limit of its size, so that the excesses of
+        # constraints with different units can be compared. The limit follows from the
+        # largest absolute value of each parameter, fixed ones included. It has the
+        # shape (1, names), because constraints take a table of parameter sets.
         low, high = self.complete(np.array([self.low, self.high]))
         largest_values = np.maximum(np.abs(low), np.abs(high))[None]
         columns = []
@@ -292,13 +310,17 @@ class ParameterSpace:
 
     @cached_property
     def _allowed_prior(self) -> np.ndarray:
-        """Points (n, d) of the prior that the constraints allow."""
-        points = self.from_prior(self._spread)
+        """Draws (n, d) from the prior that the constraints allow.
+
+        They are points of the unit cube, spread evenly in the probability of the prior,
+        and the same in each call.
+        """
+        points = self.transform_to_prior(self._spread)
         return points[self.is_allowed(points)]
 
     @cached_property
     def allowed_fraction(self) -> float:
-        """Share of the ranges or of the prior that the constraints allow.
+        """Fraction of the ranges or of the prior that the constraints allow.
 
         It is the smaller of the two fractions.
         """
@@ -310,8 +332,8 @@ class ParameterSpace:
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
         """Compute the logarithm of the prior density at points of the unit cube.
 
-        The constant of normalisation is left out, so a parameter without a prior adds
-        0. A prior is a normal density of the value of the parameter.
+        A prior is a normal density of the value of the parameter. The normalising
+        constant is left out, so a parameter without a prior adds 0.
 
         Parameters
         ----------
@@ -321,7 +343,7 @@ class ParameterSpace:
         Returns
         -------
         numpy.ndarray, (n,)
-            -inf where a constraint is violated.
+            The log density; -inf where a constraint is violated.
         """
         total = np.zeros(len(unit))
         if self.constraints:
@@ -329,37 +351,52 @@ class ParameterSpace:
         for name, (mean, sd) in self.prior.items():
             value = self.values_at(name, unit[:, self.free.index(name)])
             total -= 0.5 * ((value - mean) / sd) ** 2
-            # The coordinate is then log(value). As d value = value d log(value), its
-            # density is the density of the value times the value.
+            # On a logarithmic scale, points are uniform in log(value). The density of
+            # log(value) is the density of the value, times the derivative of the value
+            # with respect to log(value), which is the value itself.
             if self.scale.get(name) == LOG:
                 total += np.log(value)
         return total
 
     def prior_cdf(self, unit: np.ndarray) -> np.ndarray:
-        """Compute the distribution function (n, d) of each parameter's prior.
+        """Compute the cumulative distribution function of each parameter's prior.
 
-        `unit` are points (n, d) of the unit cube; without a prior the distribution is
-        uniform along the scale. Constraints do not enter (`marginal_cdf`).
+        A prior is a normal distribution, truncated to the range of the parameter. A
+        parameter without a prior is uniform along its scale. Constraints are ignored;
+        `marginal_cdf` takes them into account.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (n, d)
+            Points of the unit cube.
+
+        Returns
+        -------
+        numpy.ndarray, (n, d)
+            Numbers from 0 to 1.
         """
         from scipy import stats
 
-        share = np.array(unit, dtype=float)
+        # Without a prior, a number from 0 to 1 along the scale is its own CDF.
+        cdf = np.array(unit, dtype=float)
         for name, (mean, sd) in self.prior.items():
             k = self.free.index(name)
-            value = self.values_at(name, share[:, k])
-            share[:, k] = stats.truncnorm.cdf(
+            value = self.values_at(name, cdf[:, k])
+            cdf[:, k] = stats.truncnorm.cdf(
                 (value - mean) / sd,
                 (self.low[k] - mean) / sd,
                 (self.high[k] - mean) / sd,
             )
-        return share
+        return cdf
 
     def marginal_cdf(self, unit: np.ndarray) -> np.ndarray:
-        """Compute the prior distribution function of each parameter, with constraints.
+        """Compute the cumulative distribution function (CDF) of each parameter.
 
-        At a point, it is the probability that a parameter is smaller, among the
-        parameter sets that obey the constraints. It is estimated as the fraction of
-        many draws from the prior. Without constraints, it is the result of `prior_cdf`.
+        The distribution is the prior, restricted to the parameter sets that obey the
+        constraints. So the CDF is the probability that the parameter of an allowed set
+        is smaller than that of the point. It is estimated from many draws, which are
+        computed once (`_allowed_prior`). Without constraints, it is the result of
+        `prior_cdf`.
 
         Parameters
         ----------
@@ -387,22 +424,41 @@ class ParameterSpace:
         ]
         return np.column_stack(columns)
 
-    def marginal_quantiles(self, shares: np.ndarray) -> np.ndarray:
-        """Compute the quantiles (n, d) of the allowed prior at probabilities (n,)."""
-        values = self.free_values(self._allowed_prior)
-        return np.quantile(values, shares, axis=0)
+    def marginal_quantiles(self, probabilities: np.ndarray) -> np.ndarray:
+        """Compute the quantiles (n, d) of the allowed prior at probabilities (n,).
 
-    def from_prior(self, share: np.ndarray) -> np.ndarray:
-        """Move uniform points (n, d) of the unit cube to the distribution of the priors."""
+        This is the inverse of `marginal_cdf`, but its result has the units of the
+        parameters.
+        """
+        values = self.free_values(self._allowed_prior)
+        return np.quantile(values, probabilities, axis=0)
+
+    def transform_to_prior(self, probabilities: np.ndarray) -> np.ndarray:
+        """Transform uniform points so that they are distributed as the prior.
+
+        This is the inverse of `prior_cdf`: the result has the given values of the
+        cumulative distribution functions. Constraints are ignored.
+
+        Parameters
+        ----------
+        probabilities : numpy.ndarray, (n, d)
+            Numbers from 0 to 1.
+
+        Returns
+        -------
+        numpy.ndarray, (n, d)
+            Points of the unit cube. The column of a parameter without a prior is
+            unchanged.
+        """
         from scipy import stats
 
-        unit = np.array(share, dtype=float)
+        unit = np.array(probabilities, dtype=float)
         for name, (mean, sd) in self.prior.items():
             k = self.free.index(name)
             value = mean + sd * stats.truncnorm.ppf(
                 unit[:, k], (self.low[k] - mean) / sd, (self.high[k] - mean) / sd
             )
-            unit[:, k] = self.shares(name, value)
+            unit[:, k] = self.fractions_of_range(name, value)
         return unit
 
 

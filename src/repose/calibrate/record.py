@@ -908,7 +908,7 @@ def _compute_reference_sizes(
     if name in space.fixed:
         return np.full(len(values), abs(space.fixed[name]))
     k = space.free.index(name)
-    low, high = space.coordinate_ends
+    low, high = space.coordinate_bounds
     width = high[k] - low[k]
     if space.scale.get(name) == LOG:
         return width * values

@@ -182,8 +182,8 @@ def test_a_known_noise_is_kept():
 @pytest.mark.parametrize(
     ("covariance", "allowed"),
     [
-        (np.eye(3), r"symmetric matrix of shape \(2, 2\)"),
-        ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
+        (np.eye(3), r"a symmetric matrix of shape \(2, 2\)"),
+        ([[1.0, 0.5], [0.4, 1.0]], "a symmetric matrix"),
         ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
     ],
 )

@@ -83,10 +83,12 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
     def likelihood(u):
         return -0.5 * ((u[:, 0] - 0.6) / 0.1) ** 2
 
-    def from_prior(share):
-        return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
+    def transform_to_prior(probabilities):
+        return stats.norm(0.5, 0.1).ppf(np.clip(probabilities, 1e-9, 1 - 1e-9))
 
-    space = SimpleNamespace(dimensions=1, from_prior=from_prior, constraints=())
+    space = SimpleNamespace(
+        dimensions=1, transform_to_prior=transform_to_prior, constraints=()
+    )
     found, _ = sampler.compute_joint_information(
         likelihood, likelihood(draws), 20_000, space, 1
     )
@@ -357,7 +359,7 @@ def test_with_a_constraint_tables_and_message_name_their_shares():
     values = effects.loc[effects["parameter"] == "mus_gg", "value"]
     assert values.max() < 1
     words = sensitivity.describe_indices(table)
-    assert "explained by it alone (remaining if all others are known)" in words
+    assert "explained by a parameter alone (remaining if all others are known)" in words
     assert "mus_gg 0.7" in words
     assert "first-order" not in words
 

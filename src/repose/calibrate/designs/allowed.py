@@ -120,7 +120,7 @@ def _apply_prior(
     points: np.ndarray, space: ParameterSpace, follows_prior: bool
 ) -> np.ndarray:
     """Transform uniform points (n, d) to the priors if `follows_prior` is True."""
-    return space.from_prior(points) if follows_prior else points
+    return space.transform_to_prior(points) if follows_prior else points
 
 
 def _drop_nearest(points: np.ndarray, count: int) -> np.ndarray:

@@ -30,11 +30,11 @@ from repose.common.tables import Column, refuse
 
 MIN_MODELS = 5
 DIFFERENCE_WORDS = f"a finite number, at most {MAX_SIZE:g} in size"
-# Limits of an eligible model. Beyond this distance, in standard deviations, its weight
-# is practically 0. A difference or an error must not exceed this fraction of the
-# target.
+# Limits for a model that the shape study marks as eligible. Beyond this distance, in
+# standard deviations, its weight is practically 0. A difference or an error must not
+# exceed this multiple of the target's value.
 MAX_DISTANCE = 30.0
-MAX_FRACTION = 3.0
+MAX_RATIO = 3.0
 MODEL_COLUMNS = ("particle", "tension", "filling")
 
 
@@ -60,12 +60,12 @@ def compute_stated_covariance(
     percent : float
         Standard deviation of a discrepancy, in percent of the target's value.
     correlation : float
-        Absolute correlation between the discrepancies of a bench test.
+        Absolute value of the correlation between the discrepancies of a bench test.
     """
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
     sd = percent / 100 * np.array([target.whole_value for target in targets])
-    apparatus = [response.apparatus for response in targets.responses]
-    return compute_covariance(apparatus, sd, means, correlation)
+    bench_tests = [response.apparatus for response in targets.responses]
+    return compute_covariance(bench_tests, sd, means, correlation)
 
 
 def estimate_from_shape_study(
@@ -73,9 +73,10 @@ def estimate_from_shape_study(
 ) -> ShapeStudyDiscrepancy:
     """Estimate the discrepancy from the differences between models of a shape study.
 
-    The weight of a plausible model is exp(-d^2 / 2), where d is its distance from the
-    published piles in standard deviations. All definitions of a model count as one
-    model.
+    Only eligible models count, which have the size, mass and packing of the measured
+    grain. The weight of such a model is exp(-d^2 / 2), where d is its distance from the
+    published piles in standard deviations. A model may have several rows, with
+    different definitions of the responses; they count as one model.
 
     Each combination has few simulations, so their noise enlarges the variances. To
     correct this, the mean square of the standard errors is subtracted from each
@@ -102,17 +103,17 @@ def estimate_from_shape_study(
     # Select the combinations that are eligible and were simulated.
     columns = [name_derived_column(name, "difference") for name in targets.names]
     table = _read_combinations(combinations_csv, targets, columns)
-    plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
-    _reject_large_values(combinations_csv, targets, columns, plausible)
+    eligible = table[table["eligible"]].dropna(subset=["distance", *columns])
+    _reject_large_values(combinations_csv, targets, columns, eligible)
 
     # Weight each row by its distance, and each model by the sum over its rows.
-    weight = np.exp(-(plausible["distance"] ** 2) / 2)
+    weight = np.exp(-(eligible["distance"] ** 2) / 2)
     weight /= weight.sum()
-    weight_of_model = weight.groupby([plausible[key] for key in MODEL_COLUMNS]).sum()
+    weight_of_model = weight.groupby([eligible[key] for key in MODEL_COLUMNS]).sum()
     # n models of equal weight 1 / n have the sum of squares 1 / n. Its inverse is an
     # effective number of models, also for unequal weights.
     sum_of_squares = (weight_of_model**2).sum()
-    effective_models = 1 / sum_of_squares if len(plausible) > 0 else 0.0
+    effective_models = 1 / sum_of_squares if len(eligible) > 0 else 0.0
     if not effective_models >= MIN_MODELS:
         raise InputError(
             source=combinations_csv,
@@ -121,10 +122,11 @@ def estimate_from_shape_study(
             allowed=f"at least {MIN_MODELS}",
         )
 
-    # Compute the covariance of the differences. The divisor makes it unbiased for
-    # weights of whole models.
-    differences = plausible[columns].to_numpy(float)
-    errors = plausible[list(targets.errors)].to_numpy(float)
+    # Compute the covariance of the differences. The rows of a model are not independent
+    # of each other, but the models are. So the divisor that makes the covariance
+    # unbiased is 1 minus the sum of the squared weights of the models, not of the rows.
+    differences = eligible[columns].to_numpy(float)
+    errors = eligible[list(targets.errors)].to_numpy(float)
     biased_covariance = np.cov(differences.T, aweights=weight, ddof=0)
     covariance = np.atleast_2d(biased_covariance) / (1 - sum_of_squares)
 
@@ -145,7 +147,7 @@ def estimate_from_shape_study(
 def _require_larger_variances(
     path: StrPath, columns: Sequence[str], variances: np.ndarray, noise: np.ndarray
 ) -> None:
-    """Refuse differences whose scatter (k,) does not exceed their noise (k,)."""
+    """Raise InputError unless all variances (k,) exceed the variances of the noise (k,)."""
     for name, variance, noise_variance in zip(columns, variances, noise, strict=True):
         if not variance > noise_variance:
             raise InputError(
@@ -159,7 +161,10 @@ def _require_larger_variances(
 def _read_combinations(
     path: StrPath, targets: Targets, columns: Sequence[str]
 ) -> pd.DataFrame:
-    """Read the combinations of a shape study.
+    """Read and check the table of a shape study.
+
+    Each row is a combination of a model of the grain, a definition of the responses and
+    parameters. It has the differences between the simulated and the published piles.
 
     Parameters
     ----------
@@ -168,7 +173,7 @@ def _read_combinations(
     targets : Targets
         The targets of the study.
     columns : sequence of str
-        Columns of the differences, one for each target.
+        Names of the columns with the differences, one for each target.
 
     Returns
     -------
@@ -176,32 +181,37 @@ def _read_combinations(
         A row for each combination. A combination that was not simulated has NaN in the
         columns of numbers.
     """
-    declared = [Column(name, str) for name in MODEL_COLUMNS]
-    declared.append(Column("eligible", bool))
-    declared.append(Column("distance", low=0.0, may_be_empty=True))
-    for name in columns:
-        declared.append(
-            Column(
-                name,
-                low=-MAX_SIZE,
-                high=MAX_SIZE,
-                may_be_empty=True,
-                words=DIFFERENCE_WORDS,
-            )
+    model_columns = [Column(name, str) for name in MODEL_COLUMNS]
+    is_eligible = Column("eligible", bool)
+    distance = Column("distance", low=0.0, may_be_empty=True)
+    differences = [
+        Column(
+            name,
+            low=-MAX_SIZE,
+            high=MAX_SIZE,
+            may_be_empty=True,
+            words=DIFFERENCE_WORDS,
         )
-    for name in targets.errors:
-        declared.append(Column(name, low=0.0, high=MAX_SIZE, may_be_empty=True))
+        for name in columns
+    ]
+    errors = [
+        Column(name, low=0.0, high=MAX_SIZE, may_be_empty=True)
+        for name in targets.errors
+    ]
     return read_table(
         path,
-        declared,
-        "a shape study of these targets (none: posterior.shape_study: null)",
+        [*model_columns, is_eligible, distance, *differences, *errors],
+        "a shape study of these targets "
+        "(without a shape study, set posterior.shape_study: null)",
     )
 
 
 def _reject_large_values(
-    path: StrPath, targets: Targets, columns: Sequence[str], plausible: pd.DataFrame
+    path: StrPath, targets: Targets, columns: Sequence[str], eligible: pd.DataFrame
 ) -> None:
-    """Refuse eligible models whose values are implausibly large.
+    """Raise InputError for eligible models with a number that is far too large.
+
+    Such a number is probably a mistake in the file.
 
     Parameters
     ----------
@@ -210,8 +220,8 @@ def _reject_large_values(
     targets : Targets
         The targets of the study.
     columns : sequence of str
-        Columns of the differences.
-    plausible : pandas.DataFrame
+        Names of the columns with the differences, one for each target in their order.
+    eligible : pandas.DataFrame
         The rows of the eligible models.
 
     Raises
@@ -224,41 +234,46 @@ def _reject_large_values(
     limits = {"distance": MAX_DISTANCE}
     for names in (columns, targets.errors):
         for name, target in zip(names, targets, strict=True):
-            limits[name] = MAX_FRACTION * abs(target.whole_value)
-    faults = []
-    for row, values in plausible[list(limits)].iterrows():
+            limits[name] = MAX_RATIO * abs(target.whole_value)
+    errors = []
+    for row, values in eligible[list(limits)].iterrows():
         for name, limit in limits.items():
+            # A missing error is NaN, which is not above the limit.
             if abs(values[name]) > limit:
-                allowed = f"at most {limit:g} in size of an eligible model"
-                faults.append((row, name, float(values[name]), allowed))
-    refuse(path, faults)
+                allowed = f"at most {limit:g} in size, for an eligible model"
+                errors.append((row, name, float(values[name]), allowed))
+    refuse(path, errors)  # does nothing if the list is empty
 
 
 def compute_covariance(
-    apparatus: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float
+    bench_tests: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float
 ) -> np.ndarray:
     """Compute the covariance S_d of the discrepancies of responses.
 
+    Within a bench test, all pairs have the same absolute correlation. Its sign is
+    positive if both responses rise together over the design (`_find_signs`).
+
     Parameters
     ----------
-    apparatus : sequence of str
-        The bench test of each of the k responses. Different tests are independent.
+    bench_tests : sequence of str
+        Name of the bench test of each of the k responses. Discrepancies of different
+        bench tests are independent.
     sd : array (k,)
         Standard deviations of the discrepancies.
     means : array (n, k)
         Responses over the design, from which the signs of the correlations follow.
     correlation : float
-        Absolute correlation of two responses of the same bench test.
+        Absolute value of the correlation of two responses of the same bench test.
 
     Returns
     -------
     array (k, k)
     """
     matrix = np.diag(sd**2)
-    for bench_test in dict.fromkeys(apparatus):
+    for bench_test in dict.fromkeys(bench_tests):
         # The covariances of the responses of this bench test form a block of the
         # matrix.
-        rows = np.flatnonzero([name == bench_test for name in apparatus])
+        rows = np.flatnonzero([name == bench_test for name in bench_tests])
         signed_sd = _find_signs(means[:, rows]) * sd[rows]
         block = correlation * np.outer(signed_sd, signed_sd)
         np.fill_diagonal(block, sd[rows] ** 2)
@@ -281,8 +296,8 @@ def _find_signs(means: np.ndarray) -> np.ndarray:
     -------
     array (k,)
         1 for a response that rises with the first one, and for the first response
-        itself; -1 for a response that falls. All are 1 if fewer than two samples are
-        complete, because then the signs are unknown.
+        itself; -1 for a response that falls. All are 1 if there is a single response,
+        or if fewer than two samples are complete, because then the signs are unknown.
     """
     complete = means[np.isfinite(means).all(axis=1)]
     n_responses = means.shape[1]
@@ -292,5 +307,7 @@ def _find_signs(means: np.ndarray) -> np.ndarray:
     sd = complete.std(axis=0)
     scaled = (complete - complete.mean(axis=0)) / np.where(sd > 0, sd, 1.0)
     _, _, components = np.linalg.svd(scaled, full_matrices=False)
+    # A response that does not vary has the component 0, and counts as rising.
     signs = np.where(components[0] < 0, -1.0, 1.0)
+    # A component and its negative are equivalent, so make the first sign positive.
     return signs * signs[0]

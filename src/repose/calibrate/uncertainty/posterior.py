@@ -60,11 +60,8 @@ UNDETERMINED_BITS = 0.2
 # If an interval is wider than this fraction of the prior's interval, the parameter is
 # not determined, even if its information is large.
 WIDE_RATIO = 0.75
-MAX_THIN_FRACTION = (
-    0.5  # fraction of the draws where samples are thin, above which a warning is due
-)
-STATED = "stated"
-SHAPE_STUDY = "shape study"
+# A warning is due if more than this fraction of the draws lies where samples are sparse.
+MAX_SPARSE_FRACTION = 0.5
 
 
 class Posterior(NamedTuple):
@@ -83,7 +80,7 @@ class Measurement(NamedTuple):
     correlation: np.ndarray  # (k, k), of the measured responses
     pairs: noise.PairCorrelations  # correlations of simulated runs within a bench test
     discrepancy: np.ndarray  # S_d (k, k)
-    evidence: str  # source of the discrepancy, `STATED` or `SHAPE_STUDY`
+    source: str  # of the discrepancy: `STATED` or `SHAPE_STUDY` of `implausibility`
 
 
 class InputFiles(NamedTuple):
@@ -123,9 +120,12 @@ def make_measurement(
     targets: Targets,
     runs: pd.DataFrame,
     settings: PosteriorSettings,
-    shape_study: np.ndarray | None = None,
+    shape_study_covariance: np.ndarray | None = None,
 ) -> Measurement:
     """Combine the targets with their correlation and the discrepancy.
+
+    The discrepancy is the deviation between simulator and reality that no choice of the
+    parameters can remove.
 
     Parameters
     ----------
@@ -136,9 +136,13 @@ def make_measurement(
         the settings state it.
     settings : PosteriorSettings
         The section `posterior`.
-    shape_study : array (k, k), optional
+    shape_study_covariance : array (k, k), optional
         Covariance of the discrepancies from a shape study. Without it, the discrepancy
-        is that of the settings.
+        of the settings is used.
+
+    Returns
+    -------
+    Measurement
 
     Raises
     ------
@@ -146,23 +150,23 @@ def make_measurement(
         If there are too few runs for the correlation.
     """
     correlation, pairs = _find_measured_correlation(targets, runs, settings)
-    if shape_study is None:
-        evidence = STATED
-        S_d = discrepancy.compute_stated_covariance(
+    if shape_study_covariance is None:
+        source = implausibility.STATED
+        discrepancy_covariance = discrepancy.compute_stated_covariance(
             targets,
             runs,
             percent=settings.discrepancy_percent,
             correlation=settings.discrepancy_correlation,
         )
     else:
-        evidence = SHAPE_STUDY
-        S_d = shape_study
+        source = implausibility.SHAPE_STUDY
+        discrepancy_covariance = shape_study_covariance
     return Measurement(
-        observed=make_observation(targets, correlation, S_d),
+        observed=make_observation(targets, correlation, discrepancy_covariance),
         correlation=correlation,
         pairs=pairs,
-        discrepancy=S_d,
-        evidence=evidence,
+        discrepancy=discrepancy_covariance,
+        source=source,
     )
 
 
@@ -187,6 +191,8 @@ def _find_measured_correlation(
     Returns
     -------
     WithinCorrelation
+        The correlation between runs of the same parameter set, as a matrix for the
+        measurement, and as estimated for each pair of simulated responses.
 
     Raises
     ------
@@ -200,27 +206,27 @@ def _find_measured_correlation(
         _check_degrees_of_freedom(targets, simulated.pairs)
         return simulated
     pairs: noise.PairCorrelations = {}
-    # The estimates for pairs of responses are only reported here. If there are too few
-    # runs for them, leave them out.
+    # The estimates for pairs of responses are only reported here. They raise ValueError
+    # if there are too few runs; then leave them out.
     with contextlib.suppress(ValueError):
         pairs = noise.estimate_within_correlation(runs, targets).pairs
     return noise.WithinCorrelation(targets.correlated(stated_correlation), pairs)
 
 
 def _check_degrees_of_freedom(targets: Targets, pairs: noise.PairCorrelations) -> None:
-    """Raise ValueError for a bench test with too few runs for a correlation.
+    """Raise ValueError for a bench test with too few runs for the correlations.
 
-    The matrix would be singular, or nearly so.
+    The estimated correlation matrix of its responses would be singular, or nearly so.
     """
-    for bench_test, rows in targets.benches.items():
-        least = len(rows) + SPARE_DEGREES_OF_FREEDOM
-        names = [targets.names[k] for k in rows]
+    for bench_test, responses in targets.benches.items():
+        minimum = len(responses) + SPARE_DEGREES_OF_FREEDOM
+        names = [targets.names[k] for k in responses]
         for first, second in combinations(names, 2):
             degrees_of_freedom = pairs[f"{first}, {second}"]["degrees_of_freedom"]
-            if degrees_of_freedom < least:
+            if degrees_of_freedom < minimum:
                 raise ValueError(
-                    f"{degrees_of_freedom} degrees of freedom within samples of {bench_test}; "
-                    f"expected at least {least}"
+                    f"{degrees_of_freedom} degrees of freedom within samples of "
+                    f"{bench_test}; expected at least {minimum}"
                 )
 
 
@@ -234,7 +240,7 @@ def infer_posterior(
     settings: PosteriorSettings,
     references: Mapping[str, pd.DataFrame],
 ) -> Posterior:
-    """Sample the posterior, and state which parameters the data determine.
+    """Draw from the posterior, and state which parameters the data determine.
 
     Parameters
     ----------
@@ -276,8 +282,8 @@ def infer_posterior(
     log_likelihoods = chains.log_density.ravel() - space.log_prior(unit)
     information = compute_joint_information(
         likelihood,
-        drawn=log_likelihoods,
-        effective=log_likelihoods.size / chains.density_time,
+        posterior_log_likelihoods=log_likelihoods,
+        effective_draws=log_likelihoods.size / chains.density_time,
         space=space,
         seed=settings.seed,
     )
@@ -317,13 +323,14 @@ def _compute_convergence(chains: Chains) -> Convergence:
 
 def _summarise_measurement(measurement: Measurement) -> dict[str, Any]:
     """Collect the entries of posterior.json about the measurement."""
-    S_d = measurement.discrepancy
-    S_y = measurement.observed.covariance - S_d
+    # The covariance of the observation is the sum of both covariances.
+    discrepancy_covariance = measurement.discrepancy
+    physical_covariance = measurement.observed.covariance - discrepancy_covariance
     return {
         "correlation": noise.make_correlation_record(measurement.pairs),
-        "physical_se": np.sqrt(np.diag(S_y)).tolist(),
-        "discrepancy_sd": np.sqrt(np.diag(S_d)).tolist(),
-        "discrepancy_of": measurement.evidence,
+        "physical_se": np.sqrt(np.diag(physical_covariance)).tolist(),
+        "discrepancy_sd": np.sqrt(np.diag(discrepancy_covariance)).tolist(),
+        "discrepancy_of": measurement.source,
     }
 
 
@@ -433,7 +440,7 @@ def infer_from_files(
             targets,
             runs,
             settings,
-            shape_study=None if shape_study is None else shape_study.covariance,
+            None if shape_study is None else shape_study.covariance,
         )
         result = infer_posterior(
             model,
@@ -454,13 +461,15 @@ def infer_from_files(
 
     out = Path(out_dir)
     points = implausibility.PriorPoints(model, parameters)
-    curve = _compute_curve(points, targets, runs, measurement)
+    curve = _compute_information_curve(points, targets, runs, measurement)
     region = implausibility.find_region(
         points, implausibility.compute_implausibility(points, *measurement.observed)
     )
     summary = result.summary
-    summary["not_implausible_share"] = region.share
-    summary["over_the_discrepancy"] = implausibility.describe_curve(curve, region.share)
+    summary["not_implausible_share"] = region.fraction
+    summary["over_the_discrepancy"] = implausibility.describe_curve(
+        curve, region.fraction
+    )
     if shape_study is not None:
         summary["discrepancy_models"] = shape_study.models
         summary["discrepancy_mean"] = shape_study.mean.tolist()
@@ -475,7 +484,9 @@ def infer_from_files(
 def _read_references(
     files: InputFiles, space: ParameterSpace
 ) -> dict[str, pd.DataFrame]:
-    """Read intervals of the parameters that are compared with the posterior.
+    """Read intervals of the parameters from other sources, to compare them.
+
+    `infer_posterior` computes how probable they are according to the posterior.
 
     Parameters
     ----------
@@ -488,8 +499,9 @@ def _read_references(
     -------
     dict
         Tables with the columns `low` and `high`, and a row for each parameter. The key
-        "miga" has the ranges of the solutions of the search. The key "published" has
-        the published intervals, and is missing if there is no file for them.
+        "miga", the name of the search's genetic algorithm, has the ranges of the
+        solutions that the search found. The key "published" has the published intervals
+        (Table 3 of the paper), and is missing if there is no file for them.
     """
     references = {}
     if files.table3 is not None:
@@ -501,13 +513,15 @@ def _read_references(
     return references
 
 
-def _compute_curve(
+def _compute_information_curve(
     points: implausibility.PriorPoints,
     targets: Targets,
     runs: pd.DataFrame,
     measurement: Measurement,
 ) -> pd.DataFrame:
-    """Compute how much the data say about the parameters, by size of the discrepancy.
+    """Compute how the information about the parameters depends on the discrepancy.
+
+    A larger discrepancy between simulator and reality leaves less information.
 
     Parameters
     ----------
@@ -516,41 +530,47 @@ def _compute_curve(
     targets : Targets
         The targets of the study.
     runs : pandas.DataFrame
-        Simulated runs, from which the signs of the correlations follow.
+        Simulated runs of the design. They show whether two responses rise together,
+        which gives the sign of the correlation between their discrepancies.
     measurement : Measurement
         The measurement with its uncertainty.
 
     Returns
     -------
     pandas.DataFrame
-        Result of `compute_information_curve`.
+        Result of `implausibility.compute_information_curve`.
     """
 
-    def observe(percent: float, correlation: float) -> Observation:
+    def observe_with(percent: float, correlation: float) -> Observation:
         """Combine the measurement with a discrepancy of this size and correlation."""
-        S_d = discrepancy.compute_stated_covariance(targets, runs, percent, correlation)
-        return make_observation(targets, measurement.correlation, S_d)
+        stated_covariance = discrepancy.compute_stated_covariance(
+            targets, runs, percent, correlation
+        )
+        return make_observation(targets, measurement.correlation, stated_covariance)
 
-    shape_study = None
-    if measurement.evidence == SHAPE_STUDY:
-        shape_study = measurement.observed
+    observed_with_shape_study = None
+    if measurement.source == implausibility.SHAPE_STUDY:
+        observed_with_shape_study = measurement.observed
     return implausibility.compute_information_curve(
-        points, targets, observe, shape_study
+        points, targets, observe_with, observed_with_shape_study
     )
 
 
 def state_determination(row: Mapping[str, Any]) -> str:
-    """State how well the data determine a parameter.
+    """Make a sentence about how well the data determine a parameter.
+
+    The criteria are the information about the parameter, and the width of its credible
+    interval compared with the interval of its prior.
 
     Parameters
     ----------
     row : mapping
-        Row of the parameter in posterior.csv.
+        The columns of posterior.csv for the parameter, without the statement.
 
     Returns
     -------
     str
-        A sentence without its full stop.
+        The sentence, without a full stop at its end.
     """
     name = row["parameter"]
     bits = row["information_bits"]
@@ -562,12 +582,12 @@ def state_determination(row: Mapping[str, Any]) -> str:
         return f"{name} is not determined: {width}"
     # With little information, only state in which half of the prior the parameter lies.
     if bits < DETERMINED_BITS:
-        low_probability = row["below_centre"]
-        high_probability = 1 - low_probability
-        half = "high" if high_probability >= low_probability else "low"
+        low_half_probability = row["below_centre"]
+        high_half_probability = 1 - low_half_probability
+        half = "high" if high_half_probability >= low_half_probability else "low"
         return (
             f"{name} is weakly determined, in the {half} half with probability "
-            f"{max(high_probability, low_probability):.2f}: {width}"
+            f"{max(high_half_probability, low_half_probability):.2f}: {width}"
         )
     # If there is much information in spite of a wide interval, the draws form several
     # groups.
@@ -577,19 +597,21 @@ def state_determination(row: Mapping[str, Any]) -> str:
 
 
 def describe_posterior(summary: Mapping[str, Any]) -> str:
-    """Describe the posterior in lines of text, which a run prints.
+    """Describe the posterior in lines of text, which the command line prints.
 
-    The lines are the statements about the parameters, the information, the misfit, and
-    warnings about extrapolation and convergence.
+    The lines are the statements about the parameters, the information about all
+    parameters together, the misfit, and warnings about extrapolation and convergence.
 
     Parameters
     ----------
     summary : mapping
-        The content of posterior.json.
+        The content of posterior.json. Its text `over_the_discrepancy` is the result of
+        `implausibility.describe_curve`.
 
     Returns
     -------
     str
+        The lines, joined.
     """
     lines = list(summary["statements"].values())
     bits = summary["information_bits"]
@@ -597,12 +619,13 @@ def describe_posterior(summary: Mapping[str, Any]) -> str:
     distance = math.sqrt(summary["misfit"]["squared_distance"])
     p_value = summary["misfit"]["p_value"]
     lines.append(
-        f"together {bits:.2f} ± {error:.2f} bits; the best draw misses the targets by "
-        f"{distance:.2f} standard deviations (p = {format_significant(p_value, 2)}); "
-        f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
+        f"information about all parameters together: {bits:.2f} ± {error:.2f} bits; "
+        f"the best draw misses the targets by {distance:.2f} standard deviations "
+        f"(p = {format_significant(p_value, 2)}); "
+        f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are sparse"
     )
     lines += summary.get("over_the_discrepancy", "").splitlines()
-    if summary["thin_share"] > MAX_THIN_FRACTION:
+    if summary["thin_share"] > MAX_SPARSE_FRACTION:
         lines.append(
             "EXTRAPOLATED: most draws lie beyond the samples, "
             "where the surrogate is only a guess"
@@ -630,7 +653,7 @@ def _tabulate_parameters(
     space : ParameterSpace
         The parameters of the study.
     unit : array (n, d)
-        Draws from the posterior, as points of the unit cube.
+        Draws from the posterior, as points of the unit cube over the ranges.
     convergence : Convergence
         Convergence of the chains.
     references : mapping
@@ -640,7 +663,8 @@ def _tabulate_parameters(
     Returns
     -------
     pandas.DataFrame
-        A row for each free parameter.
+        A row for each free parameter: its range, its posterior distribution, the
+        information, the convergence, the references, and a statement.
     """
     prior_quantiles = space.marginal_cdf(unit)
     prior_widths = _compute_prior_widths(space)
@@ -657,7 +681,7 @@ def _tabulate_parameters(
             ),
             "below_centre": float((prior_quantiles[:, k] < 0.5).mean()),
         }
-        # The fields of `Convergence` are columns of the table.
+        # The names of the fields of `Convergence` are columns of the table.
         for column, numbers in convergence._asdict().items():
             row[column] = numbers[k]
         for reference, intervals in references.items():
@@ -666,6 +690,7 @@ def _tabulate_parameters(
                 row |= _assess_reference(
                     reference, space, name, values, Interval(low, high)
                 )
+        # The statement uses the other columns, so make it last.
         row["statement"] = state_determination(row)
         rows.append(row)
     return pd.DataFrame(rows)
@@ -705,7 +730,9 @@ def _describe_distribution(
 
 
 def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
-    """Compute the width of the central 95 % interval of each parameter's prior.
+    """Compute the width of the central interval of each parameter's prior.
+
+    The interval has the probability `CREDIBLE_PROBABILITY`, as those of the posterior.
 
     A width is measured along the scale of the parameter. On a logarithmic scale, it is
     the difference between the logarithms of both ends.
@@ -720,26 +747,27 @@ def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
     array (d,)
         The width for each free parameter.
     """
-    probabilities_of_ends = np.array([TAIL_PROBABILITY, 1 - TAIL_PROBABILITY])
+    end_probabilities = np.array([TAIL_PROBABILITY, 1 - TAIL_PROBABILITY])
     # Constraints exclude some parameter sets, and so change the distribution of each
     # parameter. Then the ends are quantiles of the parameter sets that are allowed.
     if space.constraints:
-        ends = space.marginal_quantiles(probabilities_of_ends)
-        lows, highs = to_coordinates(ends, space.free, space.scale)
+        values = space.marginal_quantiles(end_probabilities)  # (2, d)
+        lows, highs = to_coordinates(values, space.free, space.scale)
         return highs - lows
 
-    # Both ends of each parameter as points of the unit cube, (2, d).
-    unit = np.repeat(probabilities_of_ends[:, None], space.dimensions, axis=1)
-    unit = space.from_prior(unit)
-    range_lows, range_highs = space.coordinate_ends
+    # Convert the probabilities of both ends to points of the unit cube, (2, d).
+    quantiles = np.repeat(end_probabilities[:, None], space.dimensions, axis=1)
+    unit = space.transform_to_prior(quantiles)
+    range_lows, range_highs = space.coordinate_bounds
     widths = []
     for k, name in enumerate(space.free):
         if name in space.prior:
-            ends_of_parameter = space.values_at(name, unit[:, k])
-            low, high = space.coordinates(name, ends_of_parameter)
+            values = space.values_at(name, unit[:, k])
+            low, high = space.coordinates(name, values)
             widths.append(high - low)
         else:
-            # Without a prior, the parameter is uniform along its scale.
+            # The parameter is uniform along its scale, so the interval is this part of
+            # the range.
             widths.append(CREDIBLE_PROBABILITY * (range_highs[k] - range_lows[k]))
     return np.array(widths)
 
@@ -792,17 +820,21 @@ def _assess_reference(
 def _compute_prior_probability(
     space: ParameterSpace, parameter: str, interval: Interval
 ) -> float:
-    """Compute the prior probability that a free parameter lies in an interval."""
-    # The prior has no probability outside the range, so clip the interval to the range.
+    """Compute the prior probability that a free parameter lies in an interval.
+
+    Constraints are not taken into account.
+    """
+    # A parameter has no probability outside its range, so clip the interval to it.
     k = space.free.index(parameter)
     clipped = np.clip(interval, space.low[k], space.high[k])
     if parameter in space.prior:
-        # Only the column of this parameter counts, so the others can be 0.
+        # `prior_cdf` takes points with all parameters, but treats each separately. So
+        # the other parameters may have any number.
         ends = np.zeros((2, space.dimensions))
-        ends[:, k] = space.shares(parameter, clipped)
+        ends[:, k] = space.fractions_of_range(parameter, clipped)
         cumulative_at_ends = space.prior_cdf(ends)[:, k]
         return float(np.diff(cumulative_at_ends)[0])
-    # Without a prior, the parameter is uniform along its scale.
-    range_lows, range_highs = space.coordinate_ends
+    # Without a measured prior, the parameter is uniform along its scale.
+    range_lows, range_highs = space.coordinate_bounds
     low, high = space.coordinates(parameter, clipped).tolist()
     return (high - low) / float(range_highs[k] - range_lows[k])

@@ -51,10 +51,11 @@ class Information(NamedTuple):
 def draw_chains(
     log_density: Density, dimensions: int, walkers: int, steps: int, seed: int
 ) -> Chains:
-    """Draw from a density in the unit cube.
+    """Draw from a density in the unit cube with several ensembles of walkers.
 
-    The walkers start from a tempered population, which already resembles the density.
-    From random starts, some walkers would get stuck in a mode of negligible weight.
+    The walkers start from the points of `_draw_starts`, which are already distributed
+    approximately like the density. From uniform starts, some walkers would get stuck in
+    a mode of negligible weight.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def draw_chains(
     dimensions : int
         Number of coordinates of a point.
     walkers : int
-        Number of walkers in each ensemble.
+        Number of walkers in each ensemble; at most `N_POPULATION` are used.
     steps : int
         Number of steps of each walker, including the burn-in.
     seed : int
@@ -81,23 +82,26 @@ def draw_chains(
     draws_of_ensembles = []
     times_of_ensembles = []
     for k in range(N_ENSEMBLES):
-        random = np.random.RandomState([seed, k])
-        start_points = _draw_starts(density_in_cube, dimensions, random)[:walkers]
-        ensemble = _make_ensemble(
-            len(start_points), dimensions, density_in_cube, random
-        )
+        rng = np.random.RandomState([seed, k])
+        start_points = _draw_starts(density_in_cube, dimensions, rng)[:walkers]
+        ensemble = _make_ensemble(len(start_points), dimensions, density_in_cube, rng)
         ensemble.run_mcmc(start_points, steps)
 
-        # The log density is a further column after the coordinates.
+        # Add the log density as a last column after the coordinates, because its
+        # autocorrelation time is needed, too.
         points = ensemble.get_chain(discard=burn_in)
         log_densities = ensemble.get_log_prob(discard=burn_in)
         chain = np.dstack([points, log_densities])  # (steps, walkers, d + 1)
         draws_of_ensembles.append(chain.reshape(-1, dimensions + 1))
 
-        # The autocorrelation time is NaN if a walker never moved.
+        # With tol=0, emcee also accepts a chain that is short compared with its
+        # autocorrelation time. The time is NaN if no walker moved; then take the number
+        # of steps, as if all draws of a walker were a single one.
         with np.errstate(invalid="ignore"):
             times = emcee.autocorr.integrated_time(chain, tol=0)
         times_of_ensembles.append(np.nan_to_num(times, nan=steps))
+
+    # Separate the coordinates from the log density again.
     draws = np.array(draws_of_ensembles)
     mean_times = np.mean(times_of_ensembles, axis=0)
     return Chains(
@@ -118,7 +122,7 @@ def _compute_density_in_cube(points: np.ndarray, log_density: Density) -> np.nda
 
 
 def _make_ensemble(
-    walkers: int, dimensions: int, log_density: Density, random: np.random.RandomState
+    walkers: int, dimensions: int, log_density: Density, rng: np.random.RandomState
 ) -> Any:
     """Make emcee's ensemble of walkers, with the state of a random generator."""
     import emcee
@@ -129,20 +133,21 @@ def _make_ensemble(
     ensemble = emcee.EnsembleSampler(
         walkers, dimensions, log_density, moves=moves, vectorize=True
     )
-    ensemble.random_state = random.get_state()
+    ensemble.random_state = rng.get_state()
     return ensemble
 
 
 def _draw_starts(
-    log_density: Density, dimensions: int, random: np.random.RandomState
+    log_density: Density, dimensions: int, rng: np.random.RandomState
 ) -> np.ndarray:
-    """Draw points approximately from a density.
+    """Draw points approximately from a density, by sequential Monte Carlo.
 
-    The points are drawn from a sequence of powers of the density (Del Moral et al.
-    2006, J. R. Stat. Soc. B 68, 411). It begins with the power 0, which is a uniform
-    density, and ends with the power 1, the density itself. Each power is chosen as
-    large as possible, so that the effective fraction of the points is at least
-    `MIN_EFFECTIVE_FRACTION`. Then the points are resampled by their weights, and moved.
+    The density is tempered: the points are drawn from a sequence of its powers (Del
+    Moral et al. 2006, J. R. Stat. Soc. B 68, 411). The sequence begins with the power
+    0, which is a uniform density, and ends with the power 1, the density itself. Each
+    power is chosen as large as possible, so that the effective sample size is at least
+    the fraction `MIN_EFFECTIVE_FRACTION` of the number of points. Then the points are
+    resampled by their weights, and moved by a few steps of the sampler.
 
     Parameters
     ----------
@@ -150,37 +155,44 @@ def _draw_starts(
         It maps points (n, d) to the log (n,) of the density, up to a constant.
     dimensions : int
         Number of coordinates of a point.
-    random : numpy.random.RandomState
-        Source of the random numbers.
+    rng : numpy.random.RandomState
+        Source of the random numbers. The seed fixes the results only with the present
+        order of the draws from it.
 
     Returns
     -------
     array (N_POPULATION, d)
+        The points in random order, so that the first of them also represent the
+        density.
     """
     # Start with uniform points, which are draws from the power 0. Points that violate a
-    # constraint have the log density -inf, so draw other points in their place.
-    points = random.uniform(size=(N_POPULATION, dimensions))
+    # constraint have the log density -inf, so draw other points in their place. The
+    # loop ends, because the configuration is rejected if hardly any point is allowed.
+    points = rng.uniform(size=(N_POPULATION, dimensions))
     log_densities = log_density(points)
     while (is_excluded := np.isneginf(log_densities)).any():
-        points[is_excluded] = random.uniform(size=(is_excluded.sum(), dimensions))
+        points[is_excluded] = rng.uniform(size=(is_excluded.sum(), dimensions))
         log_densities[is_excluded] = log_density(points[is_excluded])
 
     power = 0.0
     while power < 1.0:
-        rise = _find_power_rise(log_densities, most=1.0 - power)
-        weight = _compute_weights(log_densities, rise)
-        power += rise
+        increment = _find_power_increment(log_densities, upper_limit=1.0 - power)
+        weight = _compute_weights(log_densities, increment)
+        power += increment
 
         # Resample the points by their weights, and move them with the sampler.
-        rows = random.choice(N_POPULATION, N_POPULATION, p=weight / weight.sum())
+        rows = rng.choice(N_POPULATION, N_POPULATION, p=weight / weight.sum())
         tempered = partial(
             _compute_tempered_density, log_density=log_density, power=power
         )
-        ensemble = _make_ensemble(N_POPULATION, dimensions, tempered, random)
+        ensemble = _make_ensemble(N_POPULATION, dimensions, tempered, rng)
         last = ensemble.run_mcmc(points[rows], N_MOVES, skip_initial_state_check=True)
         points = last.coords
+        # The sampler knows the log of the tempered density. Divide it by the power to
+        # get the log of the density itself.
         log_densities = last.log_prob / power
-    return points[random.permutation(N_POPULATION)]
+    # Resampled copies of a point stand side by side, so mix the order.
+    return points[rng.permutation(N_POPULATION)]
 
 
 def _compute_tempered_density(
@@ -190,39 +202,43 @@ def _compute_tempered_density(
     return power * log_density(points)
 
 
-def _compute_weights(log_densities: np.ndarray, rise: float) -> np.ndarray:
-    """Compute the weights (n,) of points when the power of their density rises."""
-    return np.exp(rise * (log_densities - log_densities.max()))
+def _compute_weights(log_densities: np.ndarray, increment: float) -> np.ndarray:
+    """Compute the weights (n,) of points when the power of their density increases.
+
+    The largest weight is 1.
+    """
+    return np.exp(increment * (log_densities - log_densities.max()))
 
 
-def _find_power_rise(log_densities: np.ndarray, most: float) -> float:
-    """Find by how much the power of the density can rise.
+def _find_power_increment(log_densities: np.ndarray, upper_limit: float) -> float:
+    """Find the largest next increment of the power in `_draw_starts`.
 
-    The effective fraction of the points must stay at least `MIN_EFFECTIVE_FRACTION`.
+    A larger increment makes the weights of the points less equal. The effective sample
+    size, divided by the number of points, must stay at least `MIN_EFFECTIVE_FRACTION`.
 
     Parameters
     ----------
     log_densities : array (n,)
-        Log densities of the points.
-    most : float
-        Upper limit of the result.
+        Log densities of the points, without the power.
+    upper_limit : float
+        Upper limit of the increment.
 
     Returns
     -------
     float
-        The largest possible rise.
+        The increment.
     """
 
-    def compute_excess(rise: float) -> float:
-        """Compute the effective fraction of the points minus the smallest accepted one."""
-        weight = _compute_weights(log_densities, rise)
-        effective_fraction = weight.sum() ** 2 / (weight**2).sum() / N_POPULATION
-        return effective_fraction - MIN_EFFECTIVE_FRACTION
+    def compute_excess(increment: float) -> float:
+        """Compute by how much the effective fraction exceeds the smallest allowed one."""
+        weight = _compute_weights(log_densities, increment)
+        effective_sample_size = weight.sum() ** 2 / (weight**2).sum()
+        return effective_sample_size / len(weight) - MIN_EFFECTIVE_FRACTION
 
-    if compute_excess(most) >= 0.0:
-        return most
-    # The excess falls with the rise, so its root is the largest possible rise.
-    return optimize.brentq(compute_excess, 0.0, most)
+    if compute_excess(upper_limit) >= 0.0:
+        return upper_limit
+    # The excess decreases with the increment, so its zero is the largest increment.
+    return optimize.brentq(compute_excess, 0.0, upper_limit)
 
 
 def compute_split_r_hat(chains: np.ndarray) -> np.ndarray:
@@ -239,55 +255,57 @@ def compute_split_r_hat(chains: np.ndarray) -> np.ndarray:
     return np.sqrt(((n - 1) / n * W + B / n) / W)
 
 
-def compute_information_bits(draws: np.ndarray, effective: float) -> float:
+def compute_information_bits(draws: np.ndarray, effective_draws: float) -> float:
     """Compute how much information the posterior of a parameter adds to its prior.
 
     The result, in bits, is the Kullback-Leibler divergence of a histogram. For m
     independent draws its expected excess is (bins - 1) / (2 m ln 2), which is
-    subtracted
-    (Miller 1955, Note on the bias of information estimates). The result is at least 0.
+    subtracted (Miller 1955, Note on the bias of information estimates). The result is
+    at least 0.
 
     Parameters
     ----------
     draws : array (n,)
-        The prior's distribution function at the draws, from 0 to 1.
-    effective : float
+        The cumulative distribution function of the prior at the draws, from 0 to 1.
+    effective_draws : float
         Number m of independent draws that would be as informative.
     """
     counts, _ = np.histogram(draws, bins=N_BINS, range=(0, 1))
-    return compute_bits_of_fractions(counts / len(draws), effective)
+    return compute_bits_of_fractions(counts / len(draws), effective_draws)
 
 
-def compute_bits_of_fractions(share: np.ndarray, effective: float) -> float:
+def compute_bits_of_fractions(fractions: np.ndarray, effective_draws: float) -> float:
     """Compute the information in bits from the fraction of the draws in each of the bins.
 
-    See `compute_information_bits`, of which this is the second half.
+    See `compute_information_bits`, of which this is the second half. The prior has the
+    same probability in each of the `N_BINS` bins.
     """
-    filled = share[share > 0]
-    excess = (len(filled) - 1) / (2 * effective * math.log(2))
+    filled = fractions[fractions > 0]
+    excess = (len(filled) - 1) / (2 * effective_draws * math.log(2))
     return max(0.0, float(filled @ np.log2(filled * N_BINS)) - excess)
 
 
 def compute_joint_information(
     log_likelihood: Density,
-    drawn: np.ndarray,
-    effective: float,
+    posterior_log_likelihoods: np.ndarray,
+    effective_draws: float,
     space: ParameterSpace,
     seed: int,
 ) -> Information:
     """Compute the information that the joint posterior adds to the prior, in bits.
 
-    With the likelihood L, it is the Kullback-Leibler divergence
+    With the likelihood L, the information is the Kullback-Leibler divergence
     E_posterior[log L] - log E_prior[L]. The mean over the prior uses a scrambled Sobol
-    sequence. Its standard error is that of independent points, which is an upper limit.
+    sequence. The standard error of this mean is computed as for independent points,
+    which gives an upper limit.
 
     Parameters
     ----------
     log_likelihood : callable
         It maps points (n, d) of the unit cube to log L (n,).
-    drawn : array (draws,)
+    posterior_log_likelihoods : array (draws,)
         log L at draws of the posterior.
-    effective : float
+    effective_draws : float
         Effective number of independent draws.
     space : ParameterSpace
         The parameters with their priors.
@@ -297,6 +315,7 @@ def compute_joint_information(
     Returns
     -------
     Information
+        The information and its standard error, both in bits.
     """
     sequence = stats.qmc.Sobol(space.dimensions, rng=seed)
     points = take_allowed_points(sequence, N_PRIOR_DRAWS, space)
@@ -307,11 +326,15 @@ def compute_joint_information(
     relative_likelihoods = np.exp(log_likelihoods - log_likelihoods.max())
     mean_likelihood = relative_likelihoods.mean()
     log_evidence = log_likelihoods.max() + math.log(mean_likelihood)
+    # The error of the logarithm of a mean is, to first order, the relative error of the
+    # mean. The errors of both terms are independent.
     prior_error = (
         relative_likelihoods.std() / mean_likelihood / math.sqrt(N_PRIOR_DRAWS)
     )
-    posterior_error = drawn.std() / math.sqrt(effective)
+    posterior_error = posterior_log_likelihoods.std() / math.sqrt(effective_draws)
+    # The division by ln 2 converts from nats to bits.
+    information = posterior_log_likelihoods.mean() - log_evidence
     return Information(
-        bits=float((drawn.mean() - log_evidence) / math.log(2)),
+        bits=float(information / math.log(2)),
         error=float(math.hypot(prior_error, posterior_error) / math.log(2)),
     )

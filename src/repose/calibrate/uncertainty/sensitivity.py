@@ -44,9 +44,8 @@ CONFIDENCE = 0.95
 TAIL_PROBABILITY = (1 - CONFIDENCE) / 2
 N_EFFECT_POINTS = 41
 N_EFFECT_DRAWS = 2048
-ROUNDING_FRACTION = (
-    1e-12  # a constant output varies by no more than this fraction of it
-)
+# An output that varies by no more than this fraction of its size counts as constant.
+ROUNDING_FRACTION = 1e-12
 # Values of a parameter at which each draw of the others is evaluated, with constraints.
 N_LINE_POINTS = 32
 # A mean at a value of a parameter needs at least this many of the `N_EFFECT_DRAWS`.
@@ -99,22 +98,26 @@ def compute_sobol_indices(
     ValueError
         If an output does not vary.
     """
-    # A and B (samples, d) are independent points of the unit cube. In AB[i], column i
-    # of A is replaced by that of B. Thus f_A and f_AB[i] differ only by the effect of
+    # A and B (samples, d) are independent points of the unit cube. AB[i] is a copy of A
+    # whose column i is that of B. Thus f_A and f_AB[i] differ only by the effect of
     # input i.
     d = len(low)
     sequence = stats.qmc.Sobol(2 * d, rng=seed)
     A, B = np.split(sequence.random(samples), 2, axis=1)
     AB = np.repeat(A[None], d, axis=0)
-    AB[np.arange(d), :, np.arange(d)] = B.T
+    for i in range(d):
+        AB[i, :, i] = B[:, i]
     f_A = _evaluate_at(function, A, low, high)
     f_B = _evaluate_at(function, B, low, high)
     f_AB = np.array([_evaluate_at(function, points, low, high) for points in AB])
     _require_variation(f_A)
 
     def compute_indices(rows: np.ndarray | slice) -> np.ndarray:
-        """Compute first-order and total indices (2, outputs, d) from some samples."""
-        # Pass copies, because SciPy centres its arguments in place.
+        """Compute first-order and total indices (2, outputs, d) from some samples.
+
+        `rows` selects as many samples as there are, possibly some of them repeatedly.
+        """
+        # Pass copies, because SciPy subtracts the means of its arguments in place.
         values = {
             "f_A": f_A[:, rows].copy(),
             "f_B": f_B[:, rows].copy(),
@@ -124,10 +127,9 @@ def compute_sobol_indices(
         return np.reshape([result.first_order, result.total_order], (2, -1, d))
 
     # Estimate the intervals by bootstrap, from samples drawn with replacement.
-    random = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     replicates = [
-        compute_indices(random.integers(samples, size=samples))
-        for _ in range(resamples)
+        compute_indices(rng.integers(samples, size=samples)) for _ in range(resamples)
     ]
     estimates = compute_indices(slice(None))
     return _add_intervals(("first", "total"), estimates, np.array(replicates))
@@ -143,7 +145,11 @@ def compute_allowed_fractions(
     resamples: int,
     seed: int,
 ) -> dict[str, np.ndarray]:
-    """Compute fractions of the variance over the allowed part of the ranges.
+    """Compute which fractions of the variance a parameter explains and leaves.
+
+    The constraints of a study allow only a part of the ranges, and make the parameters
+    depend on each other. The docstring of the module defines the two fractions, which
+    take the place of the first-order and the total Sobol index.
 
     For each parameter x, draws of the other parameters are combined with
     `N_LINE_POINTS` values of x, so the points of a draw form a line. The points that
@@ -153,10 +159,12 @@ def compute_allowed_fractions(
 
     Parameters
     ----------
-    function, low, high, samples, resamples, seed
+    function, low, high, resamples, seed
         See `compute_sobol_indices`.
     is_allowed : callable
         Marks the allowed points (n, d) of the unit cube.
+    samples : int
+        Number of draws for each parameter, a power of two.
 
     Returns
     -------
@@ -172,34 +180,38 @@ def compute_allowed_fractions(
     d = len(low)
     draws = stats.qmc.Sobol(d, rng=seed).random(samples)
     values = (np.arange(N_LINE_POINTS) + 0.5) / N_LINE_POINTS
-    shares = []  # for each parameter (outputs, 2, 1 + resamples)
+    fractions = []  # an array (outputs, 2, 1 + resamples) for each parameter
     for k in range(d):
         outputs = _evaluate_along_lines(
             function, draws, k, values=values, ends=(low, high), is_allowed=is_allowed
         )
+        # The outputs are NaN at points that are not allowed, all at the same points.
         is_evaluated = ~np.isnan(outputs[0])
         _require_variation(outputs[:, is_evaluated])
         blocks = []
-        for counts in _draw_counts(samples, resamples, seed):
+        for counts in _draw_bootstrap_counts(samples, resamples, seed):
             blocks.append([_compute_fractions(output, counts) for output in outputs])
-        shares.append(np.concatenate(blocks, axis=2))
-    # The first row of `_draw_counts` gives the estimates, the others the resamples.
-    estimates, *replicates = np.transpose(shares, (3, 2, 1, 0))  # each (2, outputs, d)
+        fractions.append(np.concatenate(blocks, axis=2))
+    # Reverse the axes from (d, outputs, 2, 1 + resamples), so that the resamples come
+    # first. The first of them has each draw once, and gives the estimates.
+    estimates, *replicates = np.transpose(fractions, (3, 2, 1, 0))
     return _add_intervals(("explained", "remaining"), estimates, np.array(replicates))
 
 
-def _draw_counts(samples: int, resamples: int, seed: int) -> Iterator[np.ndarray]:
+def _draw_bootstrap_counts(
+    samples: int, resamples: int, seed: int
+) -> Iterator[np.ndarray]:
     """Yield how often each draw counts, in blocks (n, samples) that fit in memory.
 
     The first block has a single row, in which each draw counts once. In each row of the
     other blocks, a draw counts as often as the bootstrap drew it.
     """
     yield np.ones((1, samples))
-    random = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     equal = np.full(samples, 1 / samples)
     for first in range(0, resamples, RESAMPLES_PER_BLOCK):
         n_rows = min(RESAMPLES_PER_BLOCK, resamples - first)
-        yield random.multinomial(samples, equal, size=n_rows).astype(float)
+        yield rng.multinomial(samples, equal, size=n_rows).astype(float)
 
 
 def _evaluate_along_lines(
@@ -247,15 +259,18 @@ def _evaluate_along_lines(
 
 
 def _compute_fractions(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Compute the fractions of the variance of one output for `compute_allowed_fractions`.
+    """Compute the explained and the remaining fraction of the variance of one output.
+
+    This is a step of `compute_allowed_fractions`. The points of each draw form a line:
+    on it, one input x has several values, and the other inputs are constant.
 
     Parameters
     ----------
     output : array (values, n)
-        The output at each value of an input, along the line of each of n draws. It is
-        NaN at points that are not allowed.
+        The output at the points: a row for each value of x, a column for the line of
+        each draw. It is NaN at points that are not allowed.
     counts : array (resamples, n)
-        How often each resample contains each draw.
+        How often each bootstrap sample contains each draw.
 
     Returns
     -------
@@ -279,7 +294,8 @@ def _compute_fractions(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
     squares_at_value = n_points * (mean_at_value - mean[:, None]) ** 2
     explained = squares_at_value.sum(axis=1) / n_all_points
 
-    # The remaining part is the mean of the variances along the lines.
+    # The remaining part is the mean of the variances along the lines. The bootstrap
+    # draws whole lines, so the mean of a line is the same in all resamples.
     n_points_on_line = np.maximum(is_allowed.sum(axis=0), 1)
     mean_on_line = deviation.sum(axis=0) / n_points_on_line
     squares = np.where(is_allowed, (deviation - mean_on_line) ** 2, 0.0)
@@ -288,7 +304,7 @@ def _compute_fractions(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def _require_variation(outputs: np.ndarray) -> None:
-    """Refuse outputs (outputs, n) if one of them is constant."""
+    """Raise ValueError if one of the outputs (outputs, n) is constant."""
     if not (
         outputs.std(axis=1) > ROUNDING_FRACTION * np.abs(outputs).max(axis=1)
     ).all():
@@ -348,20 +364,24 @@ def compute_main_effects(
 
     Parameters
     ----------
-    function, low, high, seed
-        See `compute_sobol_indices`.
+    function : callable
+        It maps points (n, d) to outputs (n,) or (n, outputs).
+    low, high : array (d,)
+        Ranges of the inputs.
+    seed : int
+        Seed of the draws of the other inputs.
     points : int
         Number of values of each input.
     is_allowed : callable, optional
-        Marks the allowed points (n, d) of the unit cube. The means are those of the
-        allowed points; by default all points are allowed.
+        Marks the allowed points (n, d) of the unit cube. Only these are averaged; by
+        default all points are allowed.
 
     Returns
     -------
     grid : array (d, points)
         Values of each input.
     means : array (d, points, outputs)
-        NaN at values where there are hardly any allowed points.
+        NaN at values where fewer than `MIN_DRAWS` points are allowed.
     """
     d = len(low)
     unit_draws = stats.qmc.Sobol(d, rng=seed).random(N_EFFECT_DRAWS)
@@ -370,19 +390,22 @@ def compute_main_effects(
     unit_grid = np.linspace(0, 1, points)
     means = []
     for k in range(d):
-        # Set input k to the same value in all draws, and keep the other inputs. Both
-        # copies are the same draws, in the units of the inputs and in the unit cube.
-        changed = draws.copy()
-        unit_changed = unit_draws.copy()
+        # Set input k to the same value in all draws, and keep the other inputs. The
+        # function takes points in the units of the inputs, and `is_allowed` the same
+        # points in the unit cube.
+        points_in_units = draws.copy()
+        points_in_cube = unit_draws.copy()
         means_of_input = []
         for value, unit_value in zip(grid[k], unit_grid, strict=True):
-            changed[:, k] = value
-            unit_changed[:, k] = unit_value
+            points_in_units[:, k] = value
+            points_in_cube[:, k] = unit_value
             if is_allowed is None:
-                outputs = np.asarray(function(changed))
+                outputs = np.asarray(function(points_in_units))
             else:
-                is_allowed_draw = is_allowed(unit_changed)
-                outputs = _evaluate_allowed(function, changed, is_allowed_draw)
+                # The result is NaN if too few points are allowed.
+                outputs = _evaluate_allowed(
+                    function, points_in_units, is_allowed(points_in_cube)
+                )
             means_of_input.append(np.mean(outputs, axis=0))
         means.append(means_of_input)
     return grid, np.array(means)
@@ -403,9 +426,11 @@ def analyse_surrogate(
     targets: Targets,
     settings: SensitivitySettings,
 ) -> Sensitivity:
-    """Compute Sobol indices and mean responses of a surrogate.
+    """Compute the effects of the parameters on the responses of a surrogate.
 
-    With constraints, fractions of the variance replace the indices.
+    The effects are Sobol indices and mean responses. With constraints,
+    `compute_variance_fractions` computes other fractions of the variance in place of
+    the indices.
 
     Parameters
     ----------
@@ -428,24 +453,31 @@ def analyse_surrogate(
         If a response does not vary.
     """
 
-    def respond(coordinates: np.ndarray) -> np.ndarray:
-        """Predict the responses (n, k) at coordinates (n, d) along the scales."""
+    def predict(coordinates: np.ndarray) -> np.ndarray:
+        """Predict the responses (n, k) at coordinates (n, d) of the free parameters.
+
+        The coordinate of a parameter is its value, or the logarithm of its value if its
+        scale is logarithmic.
+        """
         values = parameters.from_coordinates(coordinates)
+        # Add the fixed parameters.
         return model.predict(parameters.complete(values))
 
-    # Make a row for each response and parameter.
-    shares = compute_variance_fractions(respond, parameters, settings)
+    # Make a row for each response and parameter. The arrays (k, d) are raveled in the
+    # order of the pairs.
+    fractions = compute_variance_fractions(predict, parameters, settings)
     pairs = pd.MultiIndex.from_product(
         [targets.names, parameters.free], names=["response", "parameter"]
     )
-    columns = {name: share.ravel() for name, share in shares.items()}
+    columns = {name: fraction.ravel() for name, fraction in fractions.items()}
     indices = pd.DataFrame(columns, pairs).reset_index()
 
-    # Make a row for each parameter and value.
-    low, high = parameters.coordinate_ends
+    # Make a row for each parameter and value. The coordinates have the shape (d,
+    # values), and the means (d, values, k).
+    low, high = parameters.coordinate_bounds
     is_allowed = parameters.is_allowed if parameters.constraints else None
     coordinates, means = compute_main_effects(
-        respond, low, high, seed=settings.seed, is_allowed=is_allowed
+        predict, low, high, seed=settings.seed, is_allowed=is_allowed
     )
     values = parameters.from_coordinates(coordinates.T).T  # (d, values)
     names = np.repeat(parameters.free, values.shape[1])
@@ -456,16 +488,16 @@ def analyse_surrogate(
 
 
 def compute_variance_fractions(
-    respond: ArrayFunction, parameters: ParameterSpace, settings: SensitivitySettings
+    function: ArrayFunction, parameters: ParameterSpace, settings: SensitivitySettings
 ) -> dict[str, np.ndarray]:
     """Compute Sobol indices, or with constraints the fractions that replace them.
 
     The result is that of `compute_sobol_indices` or of `compute_allowed_fractions`.
     """
-    low, high = parameters.coordinate_ends
+    low, high = parameters.coordinate_bounds
     if parameters.constraints:
         return compute_allowed_fractions(
-            respond,
+            function,
             low,
             high,
             is_allowed=parameters.is_allowed,
@@ -474,7 +506,7 @@ def compute_variance_fractions(
             seed=settings.seed,
         )
     return compute_sobol_indices(
-        respond,
+        function,
         low=low,
         high=high,
         samples=settings.samples,
@@ -510,7 +542,7 @@ def analyse_from_file(
     out_dir : path
         Folder for the two tables.
     source : object, optional
-        Name of the configuration, for an error about definitions.
+        Name of the configuration, which an error about definitions shows.
 
     Returns
     -------
@@ -525,6 +557,7 @@ def analyse_from_file(
     reject_all_fixed(parameters)
     model = load(surrogate_json)
     reject_other_targets(model, surrogate_json, targets, definitions, source)
+    # `analyse_surrogate` raises a ValueError only for responses that do not vary.
     try:
         result = analyse_surrogate(model, parameters, targets, settings)
     except ValueError as error:
@@ -551,19 +584,23 @@ def describe_indices(table: pd.DataFrame) -> str:
     Returns
     -------
     str
+        Each line lists the parameters with both fractions, the second one in brackets.
     """
-    columns = ("first", "total")
+    column_alone = "first"
+    column_with_others = "total"
     meaning = "first-order (total)"
     if "explained" in table:
-        columns = ("explained", "remaining")
-        meaning = "explained by it alone (remaining if all others are known)"
+        column_alone = "explained"
+        column_with_others = "remaining"
+        meaning = "explained by a parameter alone (remaining if all others are known):"
     lines = []
     for response, rows in table.groupby("response", sort=False):
-        # Begin with the parameter of the largest second fraction.
-        sorted_rows = rows.sort_values(columns[1], ascending=False)
-        shares = sorted_rows[["parameter", *columns]].itertuples(index=False)
+        # Begin with the parameter that has the largest effect together with others.
+        sorted_rows = rows.sort_values(column_with_others, ascending=False)
+        fractions = sorted_rows[["parameter", column_alone, column_with_others]]
         parameters = ", ".join(
-            f"{name} {first:.2f} ({second:.2f})" for name, first, second in shares
+            f"{name} {alone:.2f} ({with_others:.2f})"
+            for name, alone, with_others in fractions.itertuples(index=False)
         )
         lines.append(f"{response}: {meaning} {parameters}")
     return "\n".join(lines)

@@ -254,7 +254,7 @@ def _compute_axis_limits(
         its unit.
     """
     limits = {}
-    lows, highs = parameters.coordinate_ends
+    lows, highs = parameters.coordinate_bounds
     for name, low, high in zip(
         parameters.free, lows.tolist(), highs.tolist(), strict=True
     ):

@@ -613,8 +613,8 @@ def draw_intervals(
     for number, (_, row) in enumerate(table.iterrows()):
         # The first parameter is at the top.
         y = n_parameters - 1 - number
-        # The method `shares` converts values of a parameter to positions in its range.
-        to_position = partial(parameters.shares, row["parameter"])
+        # The method `fractions_of_range` converts values of a parameter to positions in its range.
+        to_position = partial(parameters.fractions_of_range, row["parameter"])
         _draw_interval_strip(
             panel, row, to_position=to_position, y=y, is_first=number == 0
         )

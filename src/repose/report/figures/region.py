@@ -160,7 +160,7 @@ def _compute_cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.nda
     """
     quantile = np.linspace(0, 1, n_cells + 1)[:, None]
     quantiles = np.repeat(quantile, parameters.dimensions, axis=1)
-    return list(parameters.free_values(parameters.from_prior(quantiles)).T)
+    return list(parameters.free_values(parameters.transform_to_prior(quantiles)).T)
 
 
 def _select_cells(

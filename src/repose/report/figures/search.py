@@ -235,8 +235,10 @@ def _draw_parameter_strips(
     for number, name in enumerate(names):
         low, high = ranges[name]
         y = len(names) - 1 - number  # the first parameter is at the top
-        # `shares` converts values of the parameter to fractions of its range.
-        positions = study.parameters.shares(name, solutions[name].to_numpy())
+        # `fractions_of_range` converts values of the parameter to fractions of its range.
+        positions = study.parameters.fractions_of_range(
+            name, solutions[name].to_numpy()
+        )
         # Matplotlib leaves labels with an underscore out of the legend, so only the
         # first strip adds its labels.
         label_prefix = "" if number == 0 else "_"
@@ -249,7 +251,7 @@ def _draw_parameter_strips(
         )
         if published is not None:
             ends = published.loc[name, ["low", "high"]].astype(float).to_numpy()
-            start, end = study.parameters.shares(name, ends)
+            start, end = study.parameters.fractions_of_range(name, ends)
             _draw_published_interval(panel, y, start, end, label_prefix)
         _write_range(panel, y, low=low, high=high)
         percent = 100 * (positions.max() - positions.min())

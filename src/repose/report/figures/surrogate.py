@@ -380,7 +380,7 @@ def _compute_changes_along_parameters(
     """
     from repose.calibrate.uncertainty.sensitivity import compute_main_effects
 
-    low, high = parameters.coordinate_ends
+    low, high = parameters.coordinate_bounds
     if not parameters.constraints:
         # The two ends of each range are enough.
         _, means = compute_main_effects(respond, low, high=high, seed=seed, points=2)

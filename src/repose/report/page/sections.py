@@ -268,9 +268,12 @@ def _describe_samples_meeting_targets(results: Results) -> str:
     if len(samples_inside) < 2:
         return ""
     # For each parameter, compute which fraction of its range these samples span. The
-    # method `shares` converts values to positions in the range, from 0 to 1.
+    # method `fractions_of_range` converts values to positions in the range, from 0 to 1.
     spans = [
-        (np.ptp(results.parameters.shares(name, samples_inside[name])), name)
+        (
+            np.ptp(results.parameters.fractions_of_range(name, samples_inside[name])),
+            name,
+        )
         for name in results.parameters.free
     ]
     narrowest, narrowest_name = min(spans, key=itemgetter(0))

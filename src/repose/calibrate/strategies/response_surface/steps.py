@@ -147,7 +147,7 @@ def make_region(
     """
     if not space.constraints:
         return None
-    return Region(lambda coded: space.excesses(convert_to_unit(coded)), factors)
+    return Region(lambda coded: space.compute_excesses(convert_to_unit(coded)), factors)
 
 
 def move_forbidden_runs(

@@ -554,7 +554,7 @@ def _draw_around(
     centre = goal.space.prior_cdf(answer[None])
     shape = (N_DRAWN_PER_SAMPLE * n_samples, len(answer))
     quantiles = np.clip(centre + BATCH_SD * random.standard_normal(shape), 0, 1)
-    points = goal.space.from_prior(quantiles)
+    points = goal.space.transform_to_prior(quantiles)
     if goal.space.constraints:
         # Add the answer, which is allowed, so that at least one point remains.
         points = np.vstack([points[goal.space.is_allowed(points)], answer])
