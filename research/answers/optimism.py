@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.inversion import invert
-from repose.calibrate.optimism import Pours, estimate_optimism
+from repose.calibrate.optimism import ReplicateRuns, estimate_optimism
 from repose.calibrate.surrogates import load
 from repose.common.files import read_table, write_table
 from repose.stages.validate import select_for_validation
@@ -72,7 +72,7 @@ def simulate(args, config):
         data = DataSet(X, list(truth.pour(X, study.settings.funnel.seeds, random)))
         seeded = network.model_copy(update={"seed": 2026 + number})
         model = data.fit(study, seeded)
-        pours = Pours.collect(model, *data.tables(study, targets), targets)
+        pours = ReplicateRuns.collect(model, *data.tables(study, targets), targets)
         optimism = estimate_optimism(
             model, pours, search, targets, replicates=REPLICATES, seed=number
         ).set_index(["role", "response"])
@@ -124,7 +124,7 @@ def kept(args, config):
     model = load(folder / "network/network.json")
     dataset = pd.read_csv(folder / "dataset.csv")
     runs = pd.read_csv(folder / "runs.csv")
-    pours = Pours.collect(model, dataset, runs, targets)
+    pours = ReplicateRuns.collect(model, dataset, runs, targets)
     optimism = estimate_optimism(
         model,
         pours,

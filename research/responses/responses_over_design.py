@@ -59,7 +59,7 @@ def over_design(values: np.ndarray, groups: np.ndarray, samples: np.ndarray) -> 
         "signal_to_noise": signal,
         "icc": found.icc,
         "samples": int((count > 0).sum()),
-        "runs": found.values,
+        "runs": found.n_values,
     }
     return Known(mean, error, row)
 

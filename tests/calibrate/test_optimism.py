@@ -6,7 +6,7 @@ import pytest
 import shared
 from known_responses import noisy_data
 
-from repose.calibrate.optimism import Pours, estimate_optimism
+from repose.calibrate.optimism import ReplicateRuns, estimate_optimism
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.gaussian_process import GaussianProcess
@@ -62,7 +62,7 @@ def fitted(values):
     samples, runs = tables_of(values)
     model = Means().fit(None, samples[NAMES].to_numpy())
     model.describe(["x"], NAMES, {}, samples["sample"])
-    return model, Pours.collect(model, samples, runs, TARGETS)
+    return model, ReplicateRuns.collect(model, samples, runs, TARGETS)
 
 
 def highest(model):
@@ -122,7 +122,7 @@ def test_single_pours_alone_show_no_optimism():
     samples, runs = tables_of(values)
     model = Means().fit(None, samples[NAMES].to_numpy())
     model.describe(["x"], NAMES, {}, samples["sample"])
-    assert Pours.collect(model, samples, runs, TARGETS) is None
+    assert ReplicateRuns.collect(model, samples, runs, TARGETS) is None
 
 
 def test_a_sample_with_one_run_takes_its_deviation_from_the_others():
@@ -132,7 +132,7 @@ def test_a_sample_with_one_run_takes_its_deviation_from_the_others():
     samples.loc[4, NAMES] = runs.loc[runs["sample"] == 5, NAMES].to_numpy()[0]
     model = Means().fit(None, samples[NAMES].to_numpy())
     model.describe(["x"], NAMES, {}, samples["sample"])
-    pours = Pours.collect(model, samples, runs, TARGETS)
+    pours = ReplicateRuns.collect(model, samples, runs, TARGETS)
     drawn = np.array(
         [pours.draw_means(np.random.default_rng(k))[4] for k in range(3000)]
     )

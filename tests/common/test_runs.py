@@ -116,8 +116,8 @@ def test_components_are_those_by_hand():
     assert result.within == pytest.approx(3)
     assert result.between == pytest.approx((between_square - 3) / n0)
     assert result.harmonic_seeds == pytest.approx(3 / (1 / 2 + 1 / 2 + 1 / 3))
-    assert result.groups == 3
-    assert result.values == 7
+    assert result.n_groups == 3
+    assert result.n_values == 7
     # the means' variance is 13 / 3; F quantiles with 2 and 4 degrees of freedom (TH78)
     h = result.harmonic_seeds
     least = (h * (13 / 3) / (3 * stats.f.ppf(0.975, 2, 4)) - 1) / h

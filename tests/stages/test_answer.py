@@ -139,7 +139,7 @@ def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation
     reason = " No parameter set is predicted inside the range; the simulated mean lies inside the range."
     assert lines[0].endswith(reason)
     assert lines[1:3] == ["The search: nothing met.", "The nearest parameters:"]
-    assert lines[-1].startswith("What helps: wider parameters or targets; ")
+    assert lines[-1].startswith("What helps: wider ranges of parameters or targets; ")
     assert found.out_of_reach
 
 

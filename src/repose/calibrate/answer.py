@@ -35,6 +35,9 @@ NEAR_BOUNDS_INTRODUCTION = "At a bound of the ranges, as far as the fit can tell
 # A check is decisive if the probability of lying inside the range is at least this
 # number, or at most 1 minus this number.
 DECISIVE_PROBABILITY = 0.95
+# Width of the column of names in the description of the parameters. It fits the names
+# of the goji study; longer names only shift their line.
+NAME_WIDTH = 7
 # Largest number of further runs that a verdict asks for.
 MAX_FURTHER_RUNS = 1000
 
@@ -91,7 +94,8 @@ class Check:
     status : str
         "ok" if the runs can be measured; `NOT_SIMULATED_AGAIN` without any run.
     whole : float or None
-        For the score of a profile, the number that counts as 100 %; otherwise None.
+        For the score of a profile, the number that counts as 100 %; otherwise None, and
+        the measured mean counts as 100 %.
     predicted : float or None
         Prediction of the surrogate before the runs.
     optimism : float or None
@@ -165,7 +169,8 @@ class Check:
         Returns
         -------
         dict
-            The keys `whole`, `predicted` and `optimism` are left out if they are
+            The keys are written to the card in this order. The keys `whole`,
+            `predicted`, `optimism` and `optimism_error` are left out if they are
             unknown.
         """
         entry: dict[str, Any] = {
@@ -240,17 +245,17 @@ class Check:
 
         It is None if fewer than two runs gave a number.
         """
-        return self.probability_after(self.runs)
+        return self.compute_probability(self.runs)
 
-    def probability_after(self, runs: int) -> float | None:
+    def compute_probability(self, total_runs: int) -> float | None:
         """Compute the probability that the mean lies in the range after more runs.
 
         The mean and the scatter are assumed to stay those of the runs made so far.
 
         Parameters
         ----------
-        runs : int
-            Total number of runs, at least two.
+        total_runs : int
+            Number of runs, including those made so far; at least two.
 
         Returns
         -------
@@ -260,9 +265,9 @@ class Check:
         if self.simulated is None or self.standard_error is None or self.runs < 2:
             return None
         # The standard error of a mean falls with the root of the number of runs.
-        error = self.standard_error * math.sqrt(self.runs / runs)
+        error = self.standard_error * math.sqrt(self.runs / total_runs)
         return compute_range_probability(
-            self.simulated, error, runs, self.low, self.high
+            self.simulated, error, total_runs, self.low, self.high
         )
 
     @property
@@ -286,24 +291,24 @@ class Check:
     def difference_text(self) -> str:
         """Text with the difference between the simulated and the measured mean.
 
-        The difference is in percent with its standard error, and in standard deviations
-        of a single measurement.
+        The signed difference is in percent, with its standard error. Its size is also
+        compared with the standard deviation of a single measurement.
         """
         if self.simulated is None:
             return f"{self.response} unknown"
         difference = self.simulated - self.measured
-        percent_per_unit = 100 / self._hundred_percent
+        percent_per_unit = 100 / self._percent_reference
         percent = _round_percent(percent_per_unit * difference)
         error_text = ""
         if self.standard_error is not None:
             error_text = f" +- {percent_per_unit * self.standard_error:.1f}"
-        deviations_text = ""
+        scatter_text = ""
         if self.sd > 0:
-            deviations = abs(difference) / self.sd
-            deviations_text = (
-                f" ({deviations:.2f} of the standard deviation of single measurements)"
+            ratio = abs(difference) / self.sd
+            scatter_text = (
+                f" ({ratio:.2f} of the standard deviation of single measurements)"
             )
-        return f"{self.response} {percent:+.1f}{error_text} %{deviations_text}"
+        return f"{self.response} {percent:+.1f}{error_text} %{scatter_text}"
 
     @property
     def miss_clause(self) -> str:
@@ -320,28 +325,29 @@ class Check:
 
         Without a simulated mean, the predicted one takes its place.
         """
-        # Keep the spelling of a response that the user defined.
+        # Begin the text with a capital letter, unless it begins with the name of a
+        # response that the user defined, whose spelling must stay.
         label = self.label
         if known_response(self.response) is not None:
             label = label[0].upper() + label[1:]
+        # The angle of a pile is the slope of a line, of which there are several kinds.
         line_remark = f"; line: {self.line}" if self.line else ""
         measured = f"measured {format_significant(self.measured)}"
 
         # Write the simulated mean, or else the predicted one.
-        value = self.simulated
-        prefix = ""
-        if value is None:
-            value = self.predicted
-            prefix = "predicted "
-        if value is None:
+        if self.simulated is not None:
+            prefix, mean = "", self.simulated
+        elif self.predicted is not None:
+            prefix, mean = "predicted ", self.predicted
+        else:
             return f"{label} without a number ({measured}{line_remark})"
-        number = f"{format_with_error(value, self.standard_error)} {self.unit}".rstrip()
-        percent = _round_percent(100 * (value - self.measured) / self._hundred_percent)
+        number = f"{format_with_error(mean, self.standard_error)} {self.unit}".rstrip()
+        percent = _round_percent(100 * (mean - self.measured) / self._percent_reference)
         difference = f"{percent:+.1f} %"
         return f"{label} {prefix}{number} ({measured}, {difference}{line_remark})"
 
     @property
-    def _hundred_percent(self) -> float:
+    def _percent_reference(self) -> float:
         """The number that counts as 100 % for differences from the measured mean."""
         return self.whole or abs(self.measured)
 
@@ -408,7 +414,7 @@ class Assessment:
         is_correlation_known = n_runs > len(self.checks) + 1
         if self.inside is not None and is_correlation_known:
             return self.inside
-        return _probability_after(self.checks, further_runs=0)
+        return _multiply_probabilities(self.checks, further_runs=0)
 
     @property
     def reason(self) -> str:
@@ -417,13 +423,18 @@ class Assessment:
         The sentence is about the prediction for the answer, its simulation, or both.
         """
         if self.verdict is Verdict.UNCHECKED:
-            sentence = f"{self._prediction}; the answer was {NOT_SIMULATED_AGAIN}"
+            sentence = (
+                f"{self._prediction_clause}; the answer was {NOT_SIMULATED_AGAIN}"
+            )
         elif self.verdict is Verdict.UNDECIDED:
-            sentence = f"{self._simulation}. {describe_undecided(self.probability, self.checks)}"
+            remedy = describe_undecided(self.probability, self.checks)
+            sentence = f"{self._simulation_clause}. {remedy}"
         elif self.feasible:
-            sentence = self._simulation
+            # The targets are met or not met, and the simulation alone says why.
+            sentence = self._simulation_clause
         else:
-            sentence = f"{self._prediction}; {self._simulation}"
+            # The targets are not met, because the prediction already misses them.
+            sentence = f"{self._prediction_clause}; {self._simulation_clause}"
         return f"{sentence[0].upper()}{sentence[1:]}."
 
     @property
@@ -433,7 +444,7 @@ class Assessment:
         return {1: "the range", 2: "both ranges"}.get(count, f"all {count} ranges")
 
     @property
-    def _prediction(self) -> str:
+    def _prediction_clause(self) -> str:
         """Clause about the prediction for the answer."""
         if self.out_of_reach:
             return f"no parameter set is predicted inside {self._ranges}"
@@ -441,7 +452,7 @@ class Assessment:
         return f"the answer {verb} predicted inside {self._ranges}"
 
     @property
-    def _simulation(self) -> str:
+    def _simulation_clause(self) -> str:
         """Clause about the outcome of the simulation."""
         # A mean outside its range is a miss, even if its standard error leaves doubt.
         # The margin of a check without a number is NaN, which is not `>= 0` either.
@@ -548,7 +559,11 @@ class Result:
         return f"{self.label}: {line}"
 
     def __str__(self) -> str:
-        """Describe the result in several lines, which a run prints at its end."""
+        """Describe the result in several lines, which a study prints at its end.
+
+        The lines are the verdict, the parameters of the answer, the predictions, the
+        checks, the folders of the results, and what may settle or change the verdict.
+        """
         lines = [self.headline, *self._describe_parameters()]
         predictions = [
             check.prediction_clause for check in self.checks if check.prediction_clause
@@ -557,7 +572,8 @@ class Result:
             lines.append(f"Predicted: {'; '.join(predictions)}.")
         lines.append("Simulated again with fresh seeds:")
         lines += [f"  {check}" for check in self.checks]
-        lines += [f"  {describe_differences(self.checks)}", f"  {self._probability}"]
+        lines.append(f"  {describe_differences(self.checks)}")
+        lines.append(f"  {self._probability_clause}")
         lines.append(
             f"Tables: {self.tables}; all solutions: {self.solutions}; after the whole "
             f"study, also the report: {self.folder / REPORT_FILE}, and the material card: "
@@ -569,26 +585,30 @@ class Result:
         if self.verdict is Verdict.UNDECIDED:
             lines.append("What helps: a larger validation.representative_seeds.")
         elif self.verdict is not Verdict.MET:
-            remedy = "" if self.feasible else "wider parameters or targets; "
+            remedy = "" if self.feasible else "wider ranges of parameters or targets; "
             lines.append(f"What helps: {remedy}{self.advice}.")
         return "\n".join(lines)
 
     def _describe_parameters(self) -> list[str]:
-        """Describe the parameters of the answer in lines, and name those at a bound."""
+        """Describe the parameters of the answer in lines.
+
+        A last line names the parameters that lie at or near a bound of their range.
+        """
         if self.feasible:
             lines = ["The calibrated parameters:"]
         else:
             lines = [self.message, "The nearest parameters:"]
         for name, value in self.parameters.items():
             lines.append(
-                f"  {name:7} {format_significant(value)}  {self.labels.get(name, name)}"
+                f"  {name:{NAME_WIDTH}} {format_significant(value)}  "
+                f"{self.labels.get(name, name)}"
             )
         if self.near_bounds:
             lines.append(f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(self.near_bounds)}.")
         return lines
 
     @property
-    def _probability(self) -> str:
+    def _probability_clause(self) -> str:
         """Clause with the probability that all means are near their targets."""
         if None in self.within.values():
             return "the distance of the means from their targets is unknown"
@@ -651,7 +671,7 @@ def format_verdict_line(
 
 
 def describe_undecided(probability: float | None, checks: Sequence[Check]) -> str:
-    """Describe how many further runs would settle an undecided verdict.
+    """Say how probably the targets are met, and how many further runs would decide.
 
     Parameters
     ----------
@@ -663,7 +683,7 @@ def describe_undecided(probability: float | None, checks: Sequence[Check]) -> st
     Returns
     -------
     str
-        A sentence without its full stop.
+        The sentence, without a full stop at its end.
     """
     if probability is None:
         return "Fewer than two runs gave a number, so their mean has no standard error"
@@ -695,26 +715,38 @@ def count_further_runs(checks: Sequence[Check]) -> int | None:
         None if more than `MAX_FURTHER_RUNS` runs are needed.
     """
     for further in range(1, MAX_FURTHER_RUNS + 1):
-        probability = _probability_after(checks, further)
+        probability = _multiply_probabilities(checks, further)
         if judge_probability(probability) is not Verdict.UNDECIDED:
             return further
     return None
 
 
-def _probability_after(checks: Iterable[Check], further_runs: int) -> float | None:
+def _multiply_probabilities(checks: Iterable[Check], further_runs: int) -> float | None:
     """Compute the probability that all means lie inside their ranges.
 
-    Each check is assumed to have `further_runs` more runs with the same mean and
-    scatter. The responses are treated as independent. The result is None if the
-    probability of any check is unknown.
+    The responses are treated as independent, so this is the product of the
+    probabilities of the checks.
+
+    Parameters
+    ----------
+    checks : iterable of Check
+        One for each target.
+    further_runs : int
+        Number of runs to add to each check. The mean and the scatter of its runs are
+        assumed not to change.
+
+    Returns
+    -------
+    float or None
+        None if the probability of any check is unknown.
     """
-    probability = 1.0
+    joint_probability = 1.0
     for check in checks:
-        inside = check.probability_after(check.runs + further_runs)
-        if inside is None:
+        probability = check.compute_probability(check.runs + further_runs)
+        if probability is None:
             return None
-        probability *= inside
-    return probability
+        joint_probability *= probability
+    return joint_probability
 
 
 def _round_percent(percent: float) -> float:

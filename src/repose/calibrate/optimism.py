@@ -2,12 +2,12 @@
 
 This bias is called optimism, because these predictions are usually too favourable.
 
-A fit to noisy pours is too high at some places and too low at others. The search
-chooses places where the fit meets the targets. If the targets are near the edge of what
-is possible, these are mostly places where the error of the fit helps, so the
-predictions there are too favourable on average. This is known as the winner's curse.
+A fit to noisy runs is too high at some points and too low at others. The search chooses
+points where the fit meets the targets. If the targets are near the edge of what is
+possible, these are mostly points where the error of the fit helps, so the predictions
+there are too favourable on average. This is known as the winner's curse.
 
-The bootstrap (E79) shows by how much. For each replicate, the pours of each sample are
+The bootstrap (E79) shows by how much. For each replicate, the runs of each sample are
 drawn again, the surrogate is fitted again, and the search is repeated. The original fit
 takes the place of the unknown truth. The optimism of a replicate is its prediction
 minus that of the original fit, at the parameter sets that the replicate found.
@@ -39,8 +39,8 @@ MAX_ROUNDS = 20
 OPTIMISM_COLUMNS = ("role", "response", "optimism", "optimism_se", "replicates")
 
 
-class Pours(NamedTuple):
-    """Single pours of the samples of a fit.
+class ReplicateRuns(NamedTuple):
+    """Single runs of the samples of a fit; a sample has several, with other seeds.
 
     Attributes
     ----------
@@ -49,15 +49,18 @@ class Pours(NamedTuple):
     means : numpy.ndarray, (n, k)
         Mean responses of each sample.
     counts : list of numpy.ndarray, (n,)
-        For each bench test, the number of pours of each sample.
+        For each bench test, the number of runs of each sample.
     deviations : list of list of numpy.ndarray
-        For each bench test and each sample, the deviations (pours, responses of the
-        bench test) from which its pours are drawn. They are scaled up to the scatter of
-        a single pour.
+        For each bench test and each sample, the deviations (runs, responses of the
+        bench test) from which its runs are drawn. They are scaled up to the scatter of
+        a single run.
     columns : list of list of int
         For each bench test, the columns of its responses in `means`.
     noise : mapping
-        Arguments of `Surrogate.fit` about the noise.
+        The arguments of `Surrogate.fit` that describe the noise.
+
+    The lists `counts`, `deviations` and `columns` have the bench tests in the same
+    order.
     """
 
     X: np.ndarray
@@ -75,12 +78,13 @@ class Pours(NamedTuple):
         runs: pd.DataFrame,
         targets: Targets,
     ) -> Self | None:
-        """Collect the pours of the samples to which a surrogate was fitted.
+        """Collect the runs of the samples to which a surrogate was fitted.
 
         Parameters
         ----------
         surrogate : Surrogate
-            Its attributes name the samples and the parameters.
+            The surrogate, which knows the numbers of its samples and the names of its
+            parameters.
         dataset : pandas.DataFrame
             A row for each sample: ``sample``, parameters, mean responses.
         runs : pandas.DataFrame
@@ -90,7 +94,7 @@ class Pours(NamedTuple):
 
         Returns
         -------
-        Pours or None
+        ReplicateRuns or None
             None if the noise cannot be estimated (see `Replicates.estimate`).
         """
         samples = list(surrogate.samples)
@@ -98,20 +102,21 @@ class Pours(NamedTuple):
         if noise is None:
             return None
         fitted_samples = dataset.set_index("sample").loc[samples]
-        good = runs[runs["status"] == "ok"]
+        good_runs = runs[runs["status"] == "ok"]
         counts = []
         deviations = []
         columns = []
         # Each bench test has separate runs, so collect them one test at a time.
-        for bench, columns_of_bench in targets.benches.items():
-            names = [targets.names[k] for k in columns_of_bench]
-            runs_of_bench = select_bench_runs(good, bench).groupby("sample")
-            runs_by_sample = dict(list(runs_of_bench[names]))
-            # An array (pours, responses) for each sample.
-            responses = [runs_by_sample[sample].to_numpy(float) for sample in samples]
-            counts.append(np.array([len(pours) for pours in responses]))
+        for bench_test, columns_of_bench_test in targets.benches.items():
+            names = [targets.names[k] for k in columns_of_bench_test]
+            grouped = select_bench_runs(good_runs, bench_test).groupby("sample")[names]
+            # Iterating over the groups gives pairs of sample and table of its runs.
+            runs_of_sample = dict(list(grouped))
+            # An array (runs, responses) for each sample.
+            responses = [runs_of_sample[sample].to_numpy(float) for sample in samples]
+            counts.append(np.array([len(values) for values in responses]))
             deviations.append(_compute_deviations(responses))
-            columns.append(list(columns_of_bench))
+            columns.append(list(columns_of_bench_test))
         return cls(
             X=fitted_samples[list(surrogate.inputs)].to_numpy(float),
             means=fitted_samples[list(targets.names)].to_numpy(float),
@@ -121,8 +126,11 @@ class Pours(NamedTuple):
             noise=noise._asdict(),
         )
 
-    def draw_means(self, random: np.random.Generator) -> np.ndarray:
-        """Draw the pours of each sample again; return their means (n, k)."""
+    def draw_means(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw the runs of each sample again, with replacement; return their means (n, k).
+
+        A change of the order of the draws would change the results of a seed.
+        """
         means = self.means.copy()
         for columns, counts, deviations in zip(
             self.columns, self.counts, self.deviations, strict=True
@@ -131,60 +139,68 @@ class Pours(NamedTuple):
                 zip(counts, deviations, strict=True)
             ):
                 drawn_deviations = sample_deviations[
-                    random.integers(len(sample_deviations), size=count)
+                    rng.integers(len(sample_deviations), size=count)
                 ]
                 means[sample, columns] += drawn_deviations.mean(axis=0)
         return means
 
 
 def _compute_deviations(values: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Compute the deviations of the pours of each sample from its mean.
+    """Compute the deviations of the runs of each sample from its mean.
 
-    The mean square of n pours about their own mean is on average (n - 1) / n of the
-    variance of a pour, so the deviations are multiplied by sqrt(n / (n - 1)). A sample
-    with a single pour shows no scatter, so it gets the deviations of all other samples.
+    The mean square of n runs about their own mean is on average (n - 1) / n of the
+    variance of a run, so the deviations are multiplied by sqrt(n / (n - 1)). A sample
+    with a single run shows no scatter, so it gets the deviations of all samples with
+    several runs. There must be at least one such sample.
 
     Parameters
     ----------
-    values : sequence of numpy.ndarray, (pours, responses)
-        The pours of each sample.
+    values : sequence of numpy.ndarray, (runs, responses)
+        The responses of the runs of each sample.
 
     Returns
     -------
     list of numpy.ndarray, (deviations, responses)
-        One for each sample.
+        One array for each sample. It has as many rows as the sample has runs, or more
+        if these are the deviations of other samples.
     """
-    deviations = []
-    for pours in values:
-        count = len(pours)
-        factor = np.sqrt(count / max(count - 1, 1))
-        deviations.append(factor * (pours - pours.mean(axis=0)))
-    pooled = np.concatenate([sample for sample in deviations if len(sample) > 1])
-    return [sample if len(sample) > 1 else pooled for sample in deviations]
+    deviations_of_samples = []
+    for runs in values:
+        n_runs = len(runs)
+        factor = np.sqrt(n_runs / max(n_runs - 1, 1))
+        deviations_of_samples.append(factor * (runs - runs.mean(axis=0)))
+    pooled = np.concatenate(
+        [deviations for deviations in deviations_of_samples if len(deviations) > 1]
+    )
+    return [
+        deviations if len(deviations) > 1 else pooled
+        for deviations in deviations_of_samples
+    ]
 
 
 def estimate_optimism(
     surrogate: Surrogate,
-    pours: Pours,
+    runs: ReplicateRuns,
     search: SearchFunction,
     targets: Targets,
     *,
     replicates: int,
     seed: int,
 ) -> pd.DataFrame:
-    """Estimate the expected optimism of predictions by bootstrap.
+    """Estimate by how much predictions are too favourable, by bootstrap.
 
-    Each replicate resamples the pours, refits the surrogate and repeats the search. The
-    original fit takes the place of the unknown truth. The optimism is averaged over all
-    parameter sets with the same role. A role says why the search found a set, such as
+    Each replicate resamples the runs, refits the surrogate and repeats the search. As
+    the truth is unknown, the prediction of the replicate is compared with that of the
+    original fit. Their difference, the optimism, is averaged over all parameter sets
+    with the same role. A role says why the search found a set, such as
     "representative".
 
     Parameters
     ----------
     surrogate : Surrogate
         The original fit.
-    pours : Pours
-        The pours to which it was fitted.
+    runs : ReplicateRuns
+        The runs to which it was fitted.
     search : callable
         It maps a surrogate to the parameter sets (n, d) that it finds, and their n
         roles.
@@ -204,13 +220,17 @@ def estimate_optimism(
     """
     differences_by_role: dict[str, list[np.ndarray]] = {}
     for k in range(replicates):
-        random = np.random.default_rng([seed, k])
-        replicate = surrogate.refit(pours.X, pours.draw_means(random), **pours.noise)
-        sets, roles = search(replicate)
-        differences = replicate.predict(sets) - surrogate.predict(sets)
+        rng = np.random.default_rng([seed, k])
+        # `runs.noise` has the weights of the samples and the covariance of the noise,
+        # which are those of the original fit.
+        replicate = surrogate.refit(runs.X, runs.draw_means(rng), **runs.noise)
+        parameter_sets, roles = search(replicate)
+        differences = replicate.predict(parameter_sets) - surrogate.predict(
+            parameter_sets
+        )
         # Average over the sets with the same role; there may be many feasible ones.
         for role in dict.fromkeys(roles):
-            has_role = np.array([other == role for other in roles])
+            has_role = np.array([role_of_set == role for role_of_set in roles])
             mean = differences[has_role].mean(axis=0)
             differences_by_role.setdefault(role, []).append(mean)
     rows = []

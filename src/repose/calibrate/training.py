@@ -88,7 +88,7 @@ class Replicates(NamedTuple):
     def estimate(
         cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets
     ) -> Self | None:
-        """Estimate the noise of some samples from their replicates.
+        """Estimate the noise of some samples from their repeated runs.
 
         Parameters
         ----------
@@ -105,34 +105,42 @@ class Replicates(NamedTuple):
             None if a bench test has too few runs, or if their covariance is singular.
         """
         is_good = (runs["status"] == "ok") & runs["sample"].isin(samples)
-        good = runs[is_good]
+        good_runs = runs[is_good]
         covariance = np.zeros((len(targets), len(targets)))
-        degrees_of_freedom = 0.0
-        weights: list[np.ndarray] = []
-        for bench, columns in targets.benches.items():
+        mean_degrees_of_freedom = 0.0
+        weights_by_bench_test: list[np.ndarray] = []
+        for bench_test, columns in targets.benches.items():
             # Estimate the covariance of the responses of this bench test.
-            runs_of_bench = select_bench_runs(good, bench)
+            bench_runs = select_bench_runs(good_runs, bench_test)
             names = [targets.names[k] for k in columns]
-            bench_covariance, bench_dof = estimate_within_covariance(
-                runs_of_bench[names], runs_of_bench["sample"]
+            bench_covariance, degrees_of_freedom = estimate_within_covariance(
+                bench_runs[names], bench_runs["sample"]
             )
-            has_too_few_runs = bench_dof <= len(columns)
-            if has_too_few_runs or not np.linalg.eigvalsh(bench_covariance)[0] > 0:
+            has_too_few_runs = degrees_of_freedom <= len(columns)
+            if has_too_few_runs or not _is_positive_definite(bench_covariance):
                 return None
 
-            # Weight each sample by its number of runs. As the bench tests may have
-            # different numbers of runs, express all weights in runs of the first bench
-            # test, and scale the covariance accordingly.
-            runs_of_sample = runs_of_bench["sample"].value_counts()
-            weight = runs_of_sample.reindex(samples, fill_value=0).to_numpy(float)
-            first_weight = weights[0] if weights else weight
-            ratio = first_weight.mean() / weight.mean()
-            weights.append(weight * ratio)
+            # Weight each sample by its number of runs in this bench test. A surrogate
+            # takes a single weight for a sample. So if samples have r times as many
+            # runs in the first bench test as in this one, multiply the weights by r.
+            # The noise variance of a mean, which is the variance of a run over the
+            # weight, must stay the same. So multiply the covariance by r, too.
+            runs_of_sample = bench_runs["sample"].value_counts()
+            weights = runs_of_sample.reindex(samples, fill_value=0).to_numpy(float)
+            if weights_by_bench_test:
+                ratio = weights_by_bench_test[0].mean() / weights.mean()
+            else:
+                ratio = 1.0
+            weights_by_bench_test.append(weights * ratio)
             covariance[np.ix_(columns, columns)] = bench_covariance * ratio
 
-            # Average the degrees of freedom over the responses.
-            degrees_of_freedom += bench_dof * len(columns) / len(targets)
-        return cls(np.mean(weights, axis=0), covariance, float(degrees_of_freedom))
+            # A surrogate takes a single number, so average it over the responses.
+            mean_degrees_of_freedom += degrees_of_freedom * len(columns) / len(targets)
+        return cls(
+            precision=np.mean(weights_by_bench_test, axis=0),
+            noise_covariance=covariance,
+            noise_freedom=float(mean_degrees_of_freedom),
+        )
 
 
 def train_surrogate(
@@ -194,36 +202,45 @@ def train_surrogate(
         )
     X = usable[list(names)].to_numpy(float)
     Y = usable[list(targets.names)].to_numpy(float)
+    # Row numbers of the training, validation and test samples.
     rows = split_rows(usable, settings.split, settings.seed)
 
     def fit(part: np.ndarray, covariance: np.ndarray | None = None) -> _Fit:
-        """Fit a new surrogate to the samples in some rows.
+        """Fit a new surrogate to the samples in some rows of `usable`.
 
-        The samples, their runs and the settings are those of the enclosing function.
+        All else comes from the arguments of `train_surrogate`: the runs of the samples,
+        the settings, and the names and scales of inputs and outputs.
 
         Parameters
         ----------
         part : numpy.ndarray
             Row numbers of the samples.
         covariance : numpy.ndarray, (k, k), optional
-            Covariance of the noise up to a factor. It is used if the noise is not
-            estimated from replicates. None means that it is unknown.
+            Covariance of the noise of the responses. Only the ratios of its entries
+            matter. It is used unless the noise is estimated from the runs. None means
+            that it is unknown.
 
         Returns
         -------
         _Fit
-            The surrogate, and the noise that it was fitted with.
+            The surrogate, and the arguments of its fit about the noise.
         """
         samples = usable["sample"].iloc[part]
         noise: dict[str, Any] = {"noise_covariance": covariance}
         if settings.replicates:
+            # The result is None if the samples have too few runs. Then the noise is
+            # treated as unknown.
             replicates = Replicates.estimate(runs, samples, targets)
             if replicates is not None:
                 noise = replicates._asdict()
-        model = on_scale(make(surrogate, settings), scale or {}).describe(
-            names, targets.names, definitions, samples
+        untrained = on_scale(make(surrogate, settings), scale or {})
+        untrained.describe(
+            inputs=names,
+            outputs=targets.names,
+            definitions=definitions,
+            samples=samples,
         )
-        return _Fit(model.fit(X[part], Y[part], **noise), noise)
+        return _Fit(untrained.fit(X[part], Y[part], **noise), noise)
 
     # Fit the training part. The errors at the validation part may show the noise.
     model, noise = fit(rows["train"])
@@ -238,7 +255,7 @@ def train_surrogate(
     # Measure how accurate the predictions are.
     metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
     metrics |= _compute_accuracy(Y, predicted, targets.names, rows)
-    metrics["r2_three_ways"] = _compute_r2_three_ways(
+    metrics["r2_three_ways"] = _compute_r2_variants(
         usable, runs, predicted, rows["test"], targets
     )
     predictions = _tabulate_predictions(usable["sample"], Y, predicted, rows, targets)
@@ -277,7 +294,7 @@ def _tabulate_predictions(
     Parameters
     ----------
     samples : pandas.Series, (n,)
-        Numbers of the samples.
+        Numbers of the samples; its index must be 0 to n - 1.
     Y, predicted : numpy.ndarray, (n, k)
         Simulated and predicted responses.
     rows : mapping
@@ -291,6 +308,7 @@ def _tabulate_predictions(
         `sample`, `split` (the part to which the sample belongs), and the simulated and
         predicted values of each response.
     """
+    # The rows of the table are numbered from 0, so `loc` takes the row numbers.
     table = pd.DataFrame({"sample": samples, "split": ""})
     for part in SPLITS:
         table.loc[rows[part], "split"] = part
@@ -306,8 +324,10 @@ def describe_training(metrics: Mapping[str, Any]) -> str:
     Parameters
     ----------
     metrics : mapping
-        The attribute `metrics` of `Training`. Other surrogates than networks have fewer
-        entries.
+        The attribute `metrics` of `Training`. It has entries about the training only
+        for networks: `starts`, `converged_starts`, `n_weights`, `gamma` (how many
+        weights the data determine), and `at_cap` (the weights whose regularisation has
+        reached its upper limit).
 
     Returns
     -------
@@ -316,8 +336,8 @@ def describe_training(metrics: Mapping[str, Any]) -> str:
     """
     scores = []
     for name, score in metrics["test"].items():
-        # A response that never varies has no R2.
-        if score["r2"]:
+        # A response that never varies has no R2 (None).
+        if score["r2"] is not None:
             error = format_significant(score["rmse"], 3)
             scores.append(f"{name}: R2 {score['r2']:.3f}, error {error}")
     lines = [f"{metrics['n_test']} samples for the test: {', '.join(scores)}"]
@@ -336,7 +356,7 @@ def describe_training(metrics: Mapping[str, Any]) -> str:
         )
     if metrics.get("at_cap"):
         lines.append(
-            "weights held at zero, because their regularisation is at its cap: "
+            "weights held at zero, because their regularisation is at its upper limit: "
             f"{', '.join(metrics['at_cap'])}"
         )
     return "\n".join(lines)
@@ -415,7 +435,7 @@ def reject_other_targets(
     definitions: Definitions,
     source: object,
 ) -> None:
-    """Refuse a surrogate that does not fit the targets.
+    """Raise InputError for a surrogate whose responses are not those of the targets.
 
     Parameters
     ----------
@@ -447,36 +467,38 @@ def reject_other_targets(
 
 
 def split_samples(
-    samples: int, shares: Sequence[float], seed: int
+    n_samples: int, fractions: Sequence[float], seed: int
 ) -> dict[str, np.ndarray]:
-    """Split row numbers into train, validation and test.
+    """Split the numbers 0 to n_samples - 1 at random into train, validation and test.
 
-    A random permutation is cut in three. The sizes of train and validation are rounded
-    down, and test has the rest. This gives 95, 20 and 22 of the paper's 137 samples.
+    A random permutation is cut in three. `fractions` are those of train and validation.
+    Their sizes are rounded down, and test has the rest. This gives 95, 20 and 22 of the
+    paper's 137 samples.
     """
-    n_train = math.floor(shares[0] * samples + ROUNDING_ERROR)
-    n_validation = math.floor(shares[1] * samples + ROUNDING_ERROR)
-    order = np.random.RandomState(seed).permutation(samples)
+    n_train = math.floor(fractions[0] * n_samples + ROUNDING_ERROR)
+    n_validation = math.floor(fractions[1] * n_samples + ROUNDING_ERROR)
+    order = np.random.RandomState(seed).permutation(n_samples)
     parts = np.split(order, [n_train, n_train + n_validation])
     return dict(zip(SPLITS, parts, strict=True))
 
 
 def split_rows(
-    samples: pd.DataFrame, shares: Sequence[float], seed: int
+    samples: pd.DataFrame, fractions: Sequence[float], seed: int
 ) -> dict[str, np.ndarray]:
     """Split the rows of a table into training, validation and test.
 
-    The samples of the design are split at random. They are split in the same way in
-    each round of a refinement, so the test samples stay the same. The samples of the
-    refinement itself are all used for training.
+    The samples of the design are split at random (`split_samples`). A strategy with
+    refinement adds samples in several rounds. These are all used for training. The
+    split of the design is the same in each round, so the test samples stay the same.
 
     Parameters
     ----------
     samples : pandas.DataFrame
-        A row for each sample; those of a refinement have a number in the column
-        `round`.
-    shares : sequence of float
-        Shares of the design for training and for validation. The rest is for the test.
+        A row for each sample. A sample that a refinement added has a number in the
+        column `round`.
+    fractions : sequence of float
+        Fractions of the design for training and for validation. The rest is for the
+        test.
     seed : int
         Seed of the random split.
 
@@ -485,14 +507,14 @@ def split_rows(
     dict
         Row numbers of the parts "train", "validation" and "test".
     """
-    is_refined = np.zeros(len(samples), bool)
+    is_added = np.zeros(len(samples), bool)
     if "round" in samples:
-        is_refined = samples["round"].notna().to_numpy()
-    design_rows = np.flatnonzero(~is_refined)
+        is_added = samples["round"].notna().to_numpy()
+    design_rows = np.flatnonzero(~is_added)
     rows = {}
-    for name, design_part in split_samples(len(design_rows), shares, seed).items():
+    for name, design_part in split_samples(len(design_rows), fractions, seed).items():
         rows[name] = design_rows[design_part]
-    rows["train"] = np.concatenate([rows["train"], np.flatnonzero(is_refined)])
+    rows["train"] = np.concatenate([rows["train"], np.flatnonzero(is_added)])
     return rows
 
 
@@ -526,8 +548,8 @@ def estimate_error_covariance(
     """
     product = errors.T @ errors / max(len(errors), 1)
     covariance = np.where(targets.same_bench, product, 0.0)
-    is_enough = len(errors) > len(targets)
-    if not (is_enough and np.linalg.eigvalsh(covariance)[0] > 0):
+    has_enough_errors = len(errors) > len(targets)
+    if not (has_enough_errors and _is_positive_definite(covariance)):
         raise InputError(
             source=source,
             key="validation samples",
@@ -538,6 +560,12 @@ def estimate_error_covariance(
             ),
         )
     return covariance
+
+
+def _is_positive_definite(matrix: np.ndarray) -> bool:
+    """Return whether all eigenvalues of a symmetric matrix are above 0."""
+    smallest, *_ = np.linalg.eigvalsh(matrix)  # in ascending order
+    return bool(smallest > 0)
 
 
 def compute_corrected_r2(
@@ -612,14 +640,18 @@ def _compute_accuracy(
     return accuracy
 
 
-def _compute_r2_three_ways(
+def _compute_r2_variants(
     usable: pd.DataFrame,
     runs: pd.DataFrame,
     predicted: np.ndarray,
     test_rows: np.ndarray,
     targets: Targets,
 ) -> dict[str, dict[str, float | None]]:
-    """Compute R2 of the test samples from means, from single runs, and without noise.
+    """Compute R2 of the test samples in three ways.
+
+    They differ in the simulated numbers that are compared with the predictions: the
+    means of the samples, the single runs, or the unknown true means, for which the
+    noise is subtracted from the sums of squares.
 
     Parameters
     ----------
@@ -628,7 +660,7 @@ def _compute_r2_three_ways(
     runs : pandas.DataFrame
         Their single runs.
     predicted : numpy.ndarray, (n, k)
-        Predictions of the means.
+        Predicted means of the responses of the samples.
     test_rows : numpy.ndarray
         Row numbers of the test samples.
     targets : Targets
@@ -640,20 +672,21 @@ def _compute_r2_three_ways(
         For each response, three values of R2: `sample_means`, `single_runs`, and
         `noise_corrected`, which is the result of `compute_corrected_r2`.
     """
-    test = usable.iloc[test_rows]
-    is_test_run = (runs["status"] == "ok") & runs["sample"].isin(test["sample"])
+    test_samples = usable.iloc[test_rows]
+    is_test_run = (runs["status"] == "ok") & runs["sample"].isin(test_samples["sample"])
     test_runs = runs[is_test_run]
     scores = {}
     for name, error_name, predicted_means in zip(
         targets.names, targets.errors, predicted[test_rows].T, strict=True
     ):
-        means = test[name].to_numpy(float)
-        errors = test[error_name].to_numpy(float)
-        # The prediction of a single run is that of the mean of its sample.
-        runs_of_response = test_runs[test_runs[name].notna()]
-        prediction_of_sample = pd.Series(predicted_means, test["sample"])
-        predicted_runs = prediction_of_sample[runs_of_response["sample"]].to_numpy()
-        run_values = runs_of_response[name].to_numpy(float)
+        means = test_samples[name].to_numpy(float)
+        errors = test_samples[error_name].to_numpy(float)
+        # The prediction of a single run is the predicted mean of its sample. The index
+        # of the series is the number of the sample, so it finds the mean for each run.
+        good_runs = test_runs[test_runs[name].notna()]
+        mean_of_sample = pd.Series(predicted_means, index=test_samples["sample"])
+        predicted_runs = mean_of_sample[good_runs["sample"]].to_numpy()
+        run_values = good_runs[name].to_numpy(float)
         scores[name] = {
             "sample_means": compute_r2(means, predicted_means),
             "single_runs": compute_r2(run_values, predicted_runs),

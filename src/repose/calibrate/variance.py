@@ -38,7 +38,7 @@ class Components(NamedTuple):
 
     Attributes
     ----------
-    groups, values : int
+    n_groups, n_values : int
         Number of samples, and of runs.
     mean : float
         Mean of all runs.
@@ -52,8 +52,8 @@ class Components(NamedTuple):
         Harmonic mean of the numbers of runs per sample.
     """
 
-    groups: int
-    values: int
+    n_groups: int
+    n_values: int
     mean: float
     within: float
     within_low: float
@@ -94,14 +94,15 @@ class Components(NamedTuple):
 def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     """Estimate the variance components of a response from the runs of several samples.
 
-    The variance within samples, sigma^2, is the mean square within the samples (MSW).
-    Its interval comes from a chi^2 distribution. The variance between samples, tau^2,
-    is (MSB - MSW) / n0 (SCM92), or 0 if this is negative. MSB is the mean square
-    between the samples, and n0 is a mean size of the samples.
+    The runs of a sample form a group of this analysis of variance. The variance within
+    groups, sigma^2, is the mean square within the groups (MSW). Its interval comes from
+    a chi^2 distribution. The variance between groups, tau^2, is (MSB - MSW) / n0
+    (SCM92), or 0 if this is negative. MSB is the mean square between the groups, and n0
+    is their size, or a kind of mean size if the sizes differ.
 
     The interval of the intraclass correlation uses F = h S^2 / MSW (TH78), where S^2 is
-    the variance of the means of the samples and h is the harmonic mean of their sizes.
-    It is exact if all samples have the same size.
+    the variance of the means of the groups and h is the harmonic mean of their sizes.
+    It is exact if all groups have the same size.
 
     Parameters
     ----------
@@ -133,13 +134,13 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     degrees_of_freedom = n - n_groups
     residuals = values - group_mean[group_of_value]
     within = float(residuals @ residuals / degrees_of_freedom)
-    between_square = float(
+    mean_square_between = float(
         group_size @ (group_mean - values.mean()) ** 2 / (n_groups - 1)
     )
 
     # Estimate the variance of the true means of the groups (SCM92).
     n0 = (n - (group_size**2).sum() / n) / (n_groups - 1)
-    between = max(0.0, (between_square - within) / n0)
+    between = max(0.0, (mean_square_between - within) / n0)
     total = between + within
     harmonic_size = n_groups / (1 / group_size).sum()
     within_interval = _compute_within_interval(within, degrees_of_freedom)
@@ -147,8 +148,8 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
         within, degrees_of_freedom, group_mean, harmonic_size
     )
     return Components(
-        groups=n_groups,
-        values=n,
+        n_groups=n_groups,
+        n_values=n,
         mean=float(values.mean()),
         within=within,
         within_low=within_interval.low,
@@ -173,7 +174,7 @@ def _compute_within_interval(within: float, degrees_of_freedom: int) -> _Interva
 
     The estimate times the degrees of freedom, over sigma^2, has a chi^2 distribution.
     """
-    from scipy import stats  # half a second at start-up
+    from scipy import stats  # takes half a second, so not at the start of the program
 
     def compute_end(probability: float) -> float:
         return float(
@@ -191,17 +192,18 @@ def _compute_within_interval(within: float, degrees_of_freedom: int) -> _Interva
 def _compute_icc_interval(
     within: float, degrees_of_freedom: int, mean: np.ndarray, harmonic_size: float
 ) -> _Interval:
-    """Compute the interval of the intraclass correlation (TH78).
+    """Compute the interval of the intraclass correlation (ICC).
 
-    Let h be the harmonic mean of the sizes of the groups, and theta = tau^2 / sigma^2.
-    Then theta lies between (F / F_upper - 1) / h and (F / F_lower - 1) / h. F is the
-    ratio of the mean squares between and within the groups, and F_lower and F_upper are
-    quantiles of its distribution.
+    The interval follows from that of theta = tau^2 / sigma^2 (Thomas & Hultquist 1978).
+    Let h be the harmonic mean of the sizes of the groups. Then theta lies between
+    (F / F_upper - 1) / h and (F / F_lower - 1) / h. F is the ratio of the mean squares
+    between and within the groups, and F_lower and F_upper are quantiles of its
+    distribution.
 
     Parameters
     ----------
     within : float
-        Estimate of sigma^2.
+        Estimate of sigma^2, the mean square within the groups.
     degrees_of_freedom : int
         Its degrees of freedom.
     mean : numpy.ndarray, (k,)
@@ -209,13 +211,15 @@ def _compute_icc_interval(
     harmonic_size : float
         Harmonic mean of the sizes of the groups.
     """
-    from scipy import stats  # half a second at start-up
+    from scipy import stats  # takes half a second, so not at the start of the program
 
-    between_square = harmonic_size * mean.var(ddof=1)
+    mean_square_between = harmonic_size * mean.var(ddof=1)
 
     def compute_end(probability: float) -> float:
+        """Compute an end of the interval, from the quantile of F at a probability."""
         F_quantile = stats.f.ppf(probability, len(mean) - 1, degrees_of_freedom)
-        ratio = _divide(between_square, within * F_quantile)
+        # F / F_quantile. It is infinite if the runs of each group are equal.
+        ratio = _divide(mean_square_between, within * F_quantile)
         return _convert_to_icc((ratio - 1) / harmonic_size)
 
     # The larger quantile gives the lower end, because it is a divisor.
@@ -227,7 +231,13 @@ def _compute_icc_interval(
 def _check_arrays(
     values: ArrayLike, groups: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return values and groups as arrays; ValueError unless they match and are finite."""
+    """Return values and groups as arrays.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ, or if a value is not finite.
+    """
     values, groups = np.asarray(values, dtype=float), np.asarray(groups)
     if values.ndim != 1 or values.shape != groups.shape:
         raise ValueError(
@@ -258,13 +268,16 @@ def estimate_within_covariance(
         Degrees of freedom: runs minus samples.
     """
     values = np.asarray(values, dtype=float)
-    # Subtract from each run the mean of its sample.
+    # Subtract from each run the mean of its sample, for one response after the other.
     residuals = np.empty_like(values)
-    for k, column in enumerate(values.T):
-        group_of_value, group_size, group_mean = _group_values(column, groups)
-        residuals[:, k] = column - group_mean[group_of_value]
-    degrees_of_freedom = len(values) - len(group_size)
-    return residuals.T @ residuals / max(degrees_of_freedom, 1), degrees_of_freedom
+    for j, column in enumerate(values.T):
+        by_group = _group_values(column, groups)
+        residuals[:, j] = column - by_group.mean[by_group.number]
+    n_groups = len(np.unique(groups))
+    degrees_of_freedom = len(values) - n_groups
+    # Without degrees of freedom, the residuals are 0. Avoid 0 / 0.
+    covariance = residuals.T @ residuals / max(degrees_of_freedom, 1)
+    return covariance, degrees_of_freedom
 
 
 class Correlation(NamedTuple):
@@ -273,15 +286,16 @@ class Correlation(NamedTuple):
     value: float
     low: float
     high: float
-    degrees_of_freedom: int  # degrees of freedom
+    degrees_of_freedom: int
 
 
 def estimate_residual_correlation(
     first: ArrayLike, second: ArrayLike, groups: ArrayLike
 ) -> Correlation:
-    """Compute the correlation of two responses between runs of the same sample.
+    """Estimate the correlation of two responses between runs of the same sample.
 
-    Its interval is computed by Fisher's transformation.
+    It is the correlation of the residuals, the deviations of the runs from the means of
+    their samples. Its interval is computed by Fisher's transformation.
 
     Parameters
     ----------
@@ -299,7 +313,7 @@ def estimate_residual_correlation(
     ValueError
         If there are too few degrees of freedom, or if a response does not vary.
     """
-    from scipy import stats  # half a second at start-up
+    from scipy import stats  # takes half a second, so not at the start of the program
 
     covariance, degrees_of_freedom = estimate_within_covariance(
         np.column_stack([first, second]), groups
@@ -315,8 +329,9 @@ def estimate_residual_correlation(
         )
     variance_product = covariance[0, 0] * covariance[1, 1]
     correlation = float(covariance[0, 1] / math.sqrt(variance_product))
-    # With n - 1 degrees of freedom, here `degrees_of_freedom`, the transformed
-    # correlation has the variance 1 / (n - 3).
+    # Fisher's transformation atanh(correlation) has the variance 1 / (n - 3) for n
+    # pairs about a common mean. These have n - 1 degrees of freedom, so the variance is
+    # 1 / (degrees of freedom - 2). `MIN_DEGREES_OF_FREEDOM` keeps this positive.
     half_width = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(
         degrees_of_freedom - 2
     )

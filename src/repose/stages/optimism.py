@@ -9,7 +9,7 @@ import pandas as pd
 from repose.calibrate.inversion import invert
 from repose.calibrate.optimism import (
     OPTIMISM_COLUMNS,
-    Pours,
+    ReplicateRuns,
     SearchFunction,
     estimate_optimism,
     shorten_search,
@@ -128,7 +128,7 @@ def write_optimism(
         )
         table = estimate_optimism(
             surrogate,
-            pours,
+            replicate_runs,
             search,
             targets,
             replicates=settings.replicates,

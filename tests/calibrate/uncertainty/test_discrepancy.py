@@ -370,7 +370,7 @@ def test_targets_of_one_bench_test_alone_have_correlations():
 
 def test_too_few_runs_are_refused(tmp_path):
     input_error(
-        r"runs per sample is 1; expected 2 or more",
+        r"runs per sample is 1; expected at least two samples",
         noise.write_noise_floor,
         write_runs(tmp_path, 1),
         TWO,

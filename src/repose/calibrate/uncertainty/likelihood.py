@@ -73,28 +73,31 @@ def make_observation(
 def compute_log_likelihood(
     responses: np.ndarray, covariances: np.ndarray, observed: Observation
 ) -> np.ndarray:
-    """Compute the log likelihood of the physical means.
+    """Compute the log likelihood of the physical means, the means of the measurements.
+
+    It is the log density of a normal distribution of k responses (see the module).
 
     Parameters
     ----------
     responses : array (n, k)
         Predicted means f(theta) of n parameter sets.
     covariances : array (n, k, k)
-        Covariances S_w of these predictions.
+        Covariances of these predictions.
     observed : Observation
-        The physical means, with their covariance.
+        The physical means, with the covariance of measurement and discrepancy.
 
     Returns
     -------
     array (n,)
+        The log likelihood of each parameter set.
     """
     mean, covariance = observed
-    total = covariance + covariances
+    total_covariances = covariance + covariances
     deviations = mean - responses
-    distance = _compute_squared_distances(deviations, total)
-    _, log_det = np.linalg.slogdet(total)
+    squared_distances = _compute_squared_distances(deviations, total_covariances)
+    _, log_det = np.linalg.slogdet(total_covariances)
     k = deviations.shape[1]
-    return -0.5 * (distance + log_det + k * math.log(2 * math.pi))
+    return -0.5 * (squared_distances + log_det + k * math.log(2 * math.pi))
 
 
 def compute_misfit(
@@ -108,12 +111,11 @@ def compute_misfit(
     """
     mean, covariance = observed
     deviations = mean - responses
-    least = float(
-        _compute_squared_distances(deviations, covariance + covariances).min()
-    )
+    squared_distances = _compute_squared_distances(deviations, covariance + covariances)
+    smallest = float(squared_distances.min())
     return {
-        "squared_distance": least,
-        "p_value": float(stats.chi2.sf(least, deviations.shape[1])),
+        "squared_distance": smallest,
+        "p_value": float(stats.chi2.sf(smallest, deviations.shape[1])),
     }
 
 

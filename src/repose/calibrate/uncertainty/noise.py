@@ -53,21 +53,35 @@ class WithinCorrelation(NamedTuple):
 def read_runs(runs_csv: StrPath, targets: Targets) -> pd.DataFrame:
     """Read all runs of a study, failed runs included, from runs.csv.
 
+    Parameters
+    ----------
+    runs_csv : path
+        The file.
+    targets : Targets
+        The responses that the runs must have.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each run.
+
     Raises
     ------
     InputError
-        If fewer than two samples have a good run, or if no sample has two of them.
+        If fewer than two samples have a good run of a response, or if no sample has two
+        of them.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
-        sizes = select_good_runs(runs, (name,)).groupby("sample").size()
-        if len(sizes) < 2 or sizes.max() < 2:
-            largest = int(sizes.max()) if len(sizes) else 0
+        runs_of_sample = select_good_runs(runs, (name,)).groupby("sample").size()
+        if len(runs_of_sample) < 2 or runs_of_sample.max() < 2:
+            largest = int(runs_of_sample.max()) if len(runs_of_sample) else 0
             raise InputError(
                 source=runs_csv,
                 key="runs per sample",
                 value=largest,
-                allowed="2 or more, of 2 samples or more",
+                allowed=f"at least two samples with a number for {name}, "
+                "and at least two such runs of one of them",
             )
     return runs
 
@@ -81,7 +95,10 @@ def select_good_runs(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame
 def estimate_within_correlation(
     runs: pd.DataFrame, targets: Targets
 ) -> WithinCorrelation:
-    """Compute the correlation of the responses between runs of the same sample.
+    """Estimate the correlation of the responses between runs of the same sample.
+
+    It is the within-sample correlation: the responses of a run deviate together from
+    the means of its sample.
 
     Parameters
     ----------
@@ -98,15 +115,16 @@ def estimate_within_correlation(
     Raises
     ------
     ValueError
-        If the runs of a bench test are too few.
+        If the runs of a bench test are too few, or if a response does not vary.
     """
     matrix = np.eye(len(targets))
     pairs: PairCorrelations = {}
-    for rows in targets.benches.values():
+    for responses in targets.benches.values():
         # Use the same runs for all pairs of a bench test. This makes the matrix
         # positive semidefinite.
-        complete = select_good_runs(runs, tuple(targets.names[k] for k in rows))
-        for i, j in combinations(rows, 2):
+        names = tuple(targets.names[k] for k in responses)
+        complete = select_good_runs(runs, names)
+        for i, j in combinations(responses, 2):
             first = targets.names[i]
             second = targets.names[j]
             correlation = estimate_residual_correlation(
@@ -136,7 +154,10 @@ def make_correlation_record(pairs: PairCorrelations) -> dict[str, Any]:
 
 
 def compute_noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
-    """Compute the variance components of every target, and the gain from more seeds.
+    """Compute how much the responses scatter, and what more seeds would gain.
+
+    For each target, the variance of its response is divided into the variance within
+    samples, which is noise, and the variance between samples.
 
     Parameters
     ----------
@@ -148,27 +169,27 @@ def compute_noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     Returns
     -------
     NoiseFloor
-        Two tables, one with a row for each target and one with a row for each number of
-        seeds, and a summary.
+        A table with a row for each target, a table with a row for each number of seeds,
+        and a summary with the correlations of the noise between responses.
 
     Raises
     ------
     ValueError
         If the runs are too few.
     """
-    seeds = np.arange(1, MAX_SEEDS + 1)
-    seeds_table = pd.DataFrame({"seeds": seeds})
+    n_seeds = np.arange(1, MAX_SEEDS + 1)
+    seeds_table = pd.DataFrame({"seeds": n_seeds})
     rows = []
     for target in targets:
         # Each bench test has separate runs, which fail separately.
         bench_runs = select_bench_runs(runs, target.response.apparatus)
-        good = select_good_runs(bench_runs, (target.name,))
-        failed = bench_runs[bench_runs["status"] != "ok"]
-        components = variance_components(good[target.name], good["sample"])
+        good_runs = select_good_runs(bench_runs, (target.name,))
+        failed_runs = bench_runs[bench_runs["status"] != "ok"]
+        components = variance_components(good_runs[target.name], good_runs["sample"])
         seeds_table = seeds_table.assign(
-            **_compute_seed_columns(seeds, target, components)
+            **_compute_seed_columns(n_seeds, target, components)
         )
-        rows.append(_describe_target(target, components, good, failed))
+        rows.append(_make_noise_row(target, components, good_runs, failed_runs))
     correlation = estimate_within_correlation(runs, targets)
     summary = {
         "responses": {row["response"]: row for row in rows},
@@ -179,17 +200,18 @@ def compute_noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
 
 
 def _compute_seed_columns(
-    seeds: np.ndarray, target: Target, components: Components
+    n_seeds: np.ndarray, target: Target, components: Components
 ) -> dict[str, np.ndarray]:
     """Compute the columns of one target for seeds.csv.
 
-    A perfect predictor reaches R2 = ICC / (ICC + (1 - ICC) / seeds), where ICC is the
-    intraclass correlation.
+    For means over n_seeds runs, a perfect predictor reaches
+    R2 = ICC / (ICC + (1 - ICC) / n_seeds), where ICC is the intraclass correlation: the
+    fraction of the variance of single runs that is between samples.
 
     Parameters
     ----------
-    seeds : numpy.ndarray, (n,)
-        Numbers of seeds.
+    n_seeds : numpy.ndarray, (n,)
+        How many seeds each sample has; one number for each row of the table.
     target : Target
         The target.
     components : Components
@@ -199,26 +221,30 @@ def _compute_seed_columns(
     -------
     dict
         The columns (n,) by name: the standard error of a mean over seeds, in the unit
-        of the response and in percent of the target, and the R2 with its interval.
+        of the response and in percent of the target, and the R2 with its interval. The
+        interval follows from the interval of the ICC.
     """
-    error = components.standard_error(seeds)
+    error = components.standard_error(n_seeds)
     quantity = target.response.quantity
     columns = {
         target.response.standard_error: error,
         f"{quantity}_se_percent": 100 * error / target.whole,
     }
-    intraclass_correlations = {
+    icc_by_suffix = {
         "": components.icc,
         "_low": components.icc_low,
         "_high": components.icc_high,
     }
-    for ending, icc in intraclass_correlations.items():
-        columns[f"{quantity}_reachable_r2{ending}"] = icc / (icc + (1 - icc) / seeds)
+    for suffix, icc in icc_by_suffix.items():
+        columns[f"{quantity}_reachable_r2{suffix}"] = icc / (icc + (1 - icc) / n_seeds)
     return columns
 
 
-def _describe_target(
-    target: Target, components: Components, good: pd.DataFrame, failed: pd.DataFrame
+def _make_noise_row(
+    target: Target,
+    components: Components,
+    good_runs: pd.DataFrame,
+    failed_runs: pd.DataFrame,
 ) -> dict[str, Any]:
     """Make the row of noise.csv for one target.
 
@@ -228,17 +254,24 @@ def _describe_target(
         The target.
     components : Components
         Variance components of its response.
-    good, failed : pandas.DataFrame
-        The runs with and without a number for the response.
+    good_runs : pandas.DataFrame
+        The runs with a number for the response.
+    failed_runs : pandas.DataFrame
+        The runs of its bench test that failed.
+
+    Returns
+    -------
+    dict
+        The columns of the row, in the order of the file.
     """
-    failed_samples = failed["sample"].drop_duplicates()
-    has_no_run = ~failed_samples.isin(good["sample"])
+    failed_samples = failed_runs["sample"].drop_duplicates()
+    has_no_run = ~failed_samples.isin(good_runs["sample"])
     row = {
         "response": target.name,
-        "samples": components.groups,
-        "runs": components.values,
-        "failed_runs": len(failed),
-        "samples_with_failures": int(failed["sample"].nunique()),
+        "samples": components.n_groups,
+        "runs": components.n_values,
+        "failed_runs": len(failed_runs),
+        "samples_with_failures": int(failed_samples.nunique()),
         "samples_without_runs": int(has_no_run.sum()),
         "mean": components.mean,
         "sd_within": math.sqrt(components.within),
@@ -248,6 +281,8 @@ def _describe_target(
         "icc": components.icc,
         "icc_low": components.icc_low,
         "icc_high": components.icc_high,
+        # The within-sample variance over the harmonic mean is the mean over the samples
+        # of the variance of a sample's mean.
         "mean_seeds": components.harmonic_seeds,
         "r2_single_runs": float(components.reachable_r2(1)),
         "r2_sample_means": float(components.reachable_r2(components.harmonic_seeds)),

@@ -11,7 +11,7 @@ import pandas as pd
 
 from repose.calibrate.inversion import invert
 from repose.calibrate.optimism import (
-    Pours,
+    ReplicateRuns,
     estimate_optimism,
     make_representative_search,
 )
