@@ -252,9 +252,11 @@ def test_a_bound_is_near_within_a_standard_error_of_the_logarithm():
 
 def test_the_card_calls_a_value_at_the_bound_by_its_place_along_the_scale():
     # 1.5 times the lower end is far from it; on a linear scale it would lie at it.
-    inside = card.widen_to_value(SPACE, "gamma", value=1.5e-4, low=1.2e-4, high=2e-4)
+    inside = card.make_interval_entry(
+        SPACE, "gamma", value=1.5e-4, low=1.2e-4, high=2e-4
+    )
     assert inside == {"low": 1.2e-4, "high": 2e-4}
-    at_end = card.widen_to_value(SPACE, "gamma", value=LOW, low=1.2e-4, high=2e-4)
+    at_end = card.make_interval_entry(SPACE, "gamma", value=LOW, low=1.2e-4, high=2e-4)
     assert at_end["at_bound"] == "lower"
 
 

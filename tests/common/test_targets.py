@@ -44,10 +44,12 @@ def test_columns_of_a_response_have_their_meaning_before_the_unit():
 
 def test_targets_are_told_in_words():
     targets = Targets.of([*shared.TARGETS, SLIP])
-    assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
-    assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
+    assert Targets(targets[:1]).format_with_units(["32.9"]) == "32.9 deg"
     assert (
-        targets.in_words(["32.9", "66", "40"])
+        Targets(targets[:2]).format_with_units(["32.9", "66"]) == "32.9 deg and 66 mm"
+    )
+    assert (
+        targets.format_with_units(["32.9", "66", "40"])
         == "AoR 32.9 deg, Height 66 mm and slip 40 deg"
     )
     message = r"targets: response is 'colour'; expected one of aor_deg, "

@@ -401,7 +401,7 @@ def test_a_prior_may_be_narrow_ends_at_the_largest_friction_and_meets_its_range(
     assert PipelineConfig.of(config).parameters.prior["mus_gg"] == (0.5, 0.01)
     known["range"] = [0.57, 0.9]
     input_error(
-        r"parameters\.mus_gg is .*; expected a range that meets 0\.47 to 0\.53",
+        r"parameters\.mus_gg is .*; expected a range that overlaps 0\.47 to 0\.53",
         PipelineConfig.of,
         config,
     )

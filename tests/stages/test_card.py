@@ -28,7 +28,7 @@ from repose.calibrate.card import (
     POSTERIOR_INTERVAL,
     SOLUTION_RANGE,
     add_remark,
-    widen_to_value,
+    make_interval_entry,
 )
 from repose.calibrate.chance import REPORTED_PERCENTS
 from repose.calibrate.responses import response
@@ -211,13 +211,13 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
 )
 def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, remark):
     """The range 0.2 to 0.7 has the width 0.5, so 0.0005 from a bound is at it; the interval is 0.4 to 0.6."""
-    found = widen_to_value(SPACE, "mus_gg", value, 0.4, 0.6)
+    found = make_interval_entry(SPACE, "mus_gg", value, 0.4, 0.6)
     assert found == expected
     assert add_remark("friction", found) == remark
 
 
 def test_an_interval_that_begins_at_a_bound_says_so():
-    assert widen_to_value(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {
+    assert make_interval_entry(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {
         "low": 0.2,
         "high": 0.6,
         "at_bound": "lower",
@@ -227,7 +227,10 @@ def test_an_interval_that_begins_at_a_bound_says_so():
 def test_a_fixed_parameter_has_no_interval():
     ranges = {name: [0.1, 0.5] for name in PARAMETERS} | {"e_gp": {"fixed": 0.3}}
     space = contact_space(ranges)
-    assert widen_to_value(space, "e_gp", 0.3, None, None) == {"low": None, "high": None}
+    assert make_interval_entry(space, "e_gp", 0.3, None, None) == {
+        "low": None,
+        "high": None,
+    }
 
 
 def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(

@@ -98,7 +98,7 @@ def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_t
             2.1 + 0.2 / 6, abs=1e-3
         )
         assert summary["message"].startswith(
-            "All later stages use the nearest solutions: the answer is predicted "
+            "All later stages use the nearest solutions: the prediction for the answer is "
         )
         assert "0.63 deg and 0.00 mm outside the ranges" in summary["message"]
     X = solutions[list(PARAMETERS)].to_numpy()

@@ -44,34 +44,40 @@ def find_near_bounds(
     -------
     list of dict
         ``parameter``, ``value``, ``bound`` and ``standard_error``, in the units of the
-        parameter. On a logarithmic scale, the standard error is that of the logarithm
-        times the value. The additional key ``factor`` is then exp of the error of the
-        logarithm.
+        parameter. On a logarithmic scale, the standard error s of the logarithm is
+        estimated. Then ``standard_error`` is s times the value, and there is the
+        additional key ``factor``, which is exp(s).
     """
-    point = np.array([[float(answer[name]) for name in space.names]])
-    response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
-    lows, highs = space.coordinate_bounds
+    # The surrogate takes all parameters. The bounds and everything with the index k are
+    # only for the free parameters.
+    all_values = np.array([[float(answer[name]) for name in space.names]])
+    response_errors = np.sqrt(np.diagonal(surrogate.covariance(all_values)[0]))
+    lower_bounds, upper_bounds = space.coordinate_bounds
     near = []
     for k, name in enumerate(space.free):
-        slopes = _compute_slopes(surrogate, point, space, name)
+        slopes = _compute_slopes(surrogate, all_values, space, name)
         # If no response depends on the parameter, its error is infinite.
         if not (slopes > 0).any():
             continue
         standard_error = _estimate_parameter_error(response_errors, slopes)
 
-        # Compare the error with the distance from the nearer bound, along the scale.
-        low = lows[k]
-        high = highs[k]
-        coordinate = float(space.coordinates(name, np.array(float(answer[name]))))
-        distance = min(coordinate - low, high - coordinate)
-        is_lower_nearer = coordinate - low <= high - coordinate
+        # Compare the error with the distance from the nearer bound. On a logarithmic
+        # scale, both belong to the logarithm.
+        low = lower_bounds[k]
+        high = upper_bounds[k]
+        value = float(answer[name])
+        coordinate = float(space.coordinates(name, np.array(value)))
+        distance_from_low = coordinate - low
+        distance_from_high = high - coordinate
+        distance = min(distance_from_low, distance_from_high)
+        bounds = space.low if distance_from_low <= distance_from_high else space.high
         is_determined = standard_error <= MAX_RELATIVE_ERROR * (high - low)
         if is_determined and distance <= standard_error:
             near.append(
                 _describe_parameter(
                     name,
-                    value=float(answer[name]),
-                    bound=float(space.low[k] if is_lower_nearer else space.high[k]),
+                    value=value,
+                    bound=float(bounds[k]),
                     standard_error=standard_error,
                     scale=space.scale.get(name, LINEAR),
                 )

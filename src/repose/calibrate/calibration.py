@@ -40,7 +40,7 @@ from repose.common.errors import InputError
 from repose.common.files import StrPath, convert_to_path, write_json, write_table
 from repose.common.numbers import format_significant, format_with_error
 
-# Files that `Calibration.save` writes.
+# Files that `Calibration.save` writes. It lists their contents in the same order.
 TABLE_FILES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
 RECORD_FILES = ("posterior.json", "summary.json", "card.json")
 # Key of the note of an answer that describes the training of its model.
@@ -100,18 +100,23 @@ class Calibration(NamedTuple):
 
     @property
     def intervals(self) -> dict[str, dict[str, Any]]:
-        """Values of the answer with their intervals, by parameter, as in the card."""
+        """Value in the answer and credible interval of each parameter.
+
+        Each entry has ``value``, ``low`` and ``high``, and perhaps ``at_bound`` or
+        ``widened`` (`repose.calibrate.card.make_interval_entry`). The material card has
+        the same intervals.
+        """
         space = self.study.parameters
-        interval_ends = cards.find_intervals(
+        credible_intervals = cards.find_intervals(
             space, self.solutions, self._posterior_tables
         )
-        intervals = {}
-        for name, (low, high) in interval_ends.items():
+        entries = {}
+        for name, (low, high) in credible_intervals.items():
             # The credible interval need not contain the answer, so widen it.
             value = self.parameters[name]
-            interval = cards.widen_to_value(space, name, value, low, high)
-            intervals[name] = {"value": value, **interval}
-        return intervals
+            entry = cards.make_interval_entry(space, name, value, low, high)
+            entries[name] = {"value": value, **entry}
+        return entries
 
     @property
     def prediction(self) -> pd.DataFrame:
@@ -120,10 +125,14 @@ class Calibration(NamedTuple):
 
     @property
     def card(self) -> dict[str, Any]:
-        """Content of the material card, which `save` writes to a file."""
+        """Content of the material card, which `save` writes to a file.
+
+        A material card is a JSON file with the calibrated parameters, their intervals,
+        and the comparison with the targets.
+        """
         settings = self.study.settings
-        # A simulator of the user's own has definitions of the responses, but no bench
-        # tests.
+        # The user's own simulator has no bench tests of this package. It only has a
+        # text that defines each response.
         tests = {}
         for name in self.study.targets.names:
             definition: dict[str, Any] = {
@@ -139,6 +148,8 @@ class Calibration(NamedTuple):
             solutions=self.solutions,
             posterior=self._posterior_tables,
         )
+        # The record of provenance, from which `assemble_card` takes the seed, belongs
+        # to a stage of the workflow. There is none here, so add the seed.
         card["made_by"]["seed"] = settings.design.seed
         return card
 
@@ -172,9 +183,9 @@ class Calibration(NamedTuple):
         out = convert_to_path("out_dir", out_dir)
         if out.is_file():
             raise InputError(
-                source=out, key="file", value="there already", allowed="a folder"
+                source=out, key="out_dir", value="a file", allowed="a folder"
             )
-        # Write tables and records in the order in which their files are listed.
+        # These are in the order of `TABLE_FILES`.
         tables = (
             self.samples,
             self.solutions,
@@ -183,9 +194,12 @@ class Calibration(NamedTuple):
         )
         for file_name, table in zip(TABLE_FILES, tables, strict=True):
             write_table(out / file_name, table)
+        # These are in the order of `RECORD_FILES`.
         records = (self.posterior.summary, self.summary, self.card)
         for file_name, record in zip(RECORD_FILES, records, strict=True):
             write_json(out / file_name, record)
+        # The notes of an answer are additional results of its strategy, such as the
+        # accuracy of its surrogate.
         answers.write_notes(self.answer.notes, self.files_of_strategy, out)
 
     def as_answer(self) -> Result:
@@ -262,12 +276,14 @@ class Calibration(NamedTuple):
         It has tables of the parameters, the predictions and the probabilities.
         """
         parameters = pd.DataFrame(self.intervals).T
-        # Only some parameters have remarks about their interval, so leave them out.
+        # Leave out the columns with remarks about intervals, because most of their
+        # cells are empty.
         parameters = parameters.drop(columns=["at_bound", "widened"], errors="ignore")
         probability = pd.DataFrame({"probability": self.probability})
         probability = probability.rename(index=lambda name: name.replace("_", " "))
         html = ""
         for table in (parameters, self.prediction, probability):
+            # Only the intervals of fixed parameters have missing numbers.
             html += table.to_html(float_format=format_significant, na_rep="fixed")
         message = escape(self.summary["message"])
         return f"{html}<p>{message}</p><p>{escape(self.why)}</p>"
@@ -278,10 +294,13 @@ def calibrate(
 ) -> Calibration:
     """Find the parameters that meet the targets, and how certain they are.
 
+    The steps are the answer of the strategy, the noise of the runs, a model of the
+    responses, the posterior of the parameters, and a summary.
+
     Parameters
     ----------
     study : Study
-        Its parameters, targets and settings.
+        The study, with its parameters, targets and settings.
     runs : pandas.DataFrame
         Result of `repose.calibrate.strategies.runs.checked_runs`. The runs need not be
         those that the strategy asked for.
@@ -293,6 +312,7 @@ def calibrate(
     Returns
     -------
     Calibration
+        The answer, the model, the posterior and the summary.
 
     Raises
     ------
@@ -309,8 +329,8 @@ def calibrate(
         announce("fit the model of the responses", runs)
         answer = strategy(settings.strategy).answer(study, runs)
 
-    # Estimate the noise of a single run. If the strategy has no model, fit one to the
-    # means of the samples.
+    # Estimate the noise of a single run. If the strategy has no model of the responses,
+    # fit kriging to the means of the samples.
     observed = arrange_runs(runs, space, targets)
     noise = estimate_noise(study, observed)
     model = answer.model or SpaceKriging(Kriging(observed, noise.covariance), space)
@@ -318,7 +338,7 @@ def calibrate(
     support = Support.from_space(space.values(observed.unit_points), space)
 
     # Draw from the posterior. The correlation of the responses can only be estimated
-    # from replicates. Without replicates it has no degrees of freedom.
+    # from repeated runs. Without them, it has no degrees of freedom.
     has_replicates = REPLICATES in noise.sources.values()
     degrees_of_freedom = observed.degrees_of_freedom if has_replicates else 0
     inference_settings = adapt_posterior_settings(
@@ -332,7 +352,7 @@ def calibrate(
         targets=targets,
         measurement=make_measurement(targets, runs, inference_settings),
         settings=inference_settings,
-        references={},
+        references={},  # there are no other intervals to compare with
     )
 
     # Describe the answer, the runs, and the steps that led to the answer.

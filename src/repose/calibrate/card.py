@@ -20,8 +20,8 @@ POSTERIOR_INTERVAL: Final = "central 95 % of the posterior"
 # Version of the format of the card.
 CARD_VERSION = 1
 SOLUTION_RANGE: Final = "range of the parameter sets found"
-# Share of the width of a range. An answer that is nearer to an end than this counts as
-# lying at the bound.
+# An answer counts as lying at a bound if it is nearer to it than this fraction of the
+# width of the range.
 BOUND_TOLERANCE = 1e-3
 # Keys of the card's entry `made_by`, with the keys of the record of provenance.
 PROVENANCE_KEYS = {
@@ -132,7 +132,7 @@ def _describe_parameter(
     entry = {
         "meaning": labels.get(name, name),
         "value": value,
-        **widen_to_value(space, name, value, low, high),
+        **make_interval_entry(space, name, value, low, high),
         "given": _describe_origin(name, space),
     }
     if name in space.scale:
@@ -143,7 +143,9 @@ def _describe_parameter(
 def _correlate_parameters(
     parameter_sets: "pd.DataFrame", space: ParameterSpace
 ) -> dict[str, dict[str, float]]:
-    """Compute the correlations of the free parameters along their scales.
+    """Compute the correlations between the free parameters.
+
+    A parameter with a logarithmic scale is replaced by its logarithm.
 
     Parameters
     ----------
@@ -155,16 +157,17 @@ def _correlate_parameters(
     Returns
     -------
     dict
-        The correlation by the names of both parameters. It is 0 for a parameter that
-        does not vary.
+        For each parameter, its correlation with each parameter by name. It is 0 for a
+        parameter that does not vary.
     """
     coordinates = parameter_sets[list(space.free)]
     for name in space.scale:
         coordinates_of_parameter = space.coordinates(name, coordinates[name])
         coordinates = coordinates.assign(**{name: coordinates_of_parameter})
     correlations = coordinates.corr().fillna(0.0).round(4)
-    by_name: dict[str, dict[str, float]] = correlations.to_dict("index")
-    return by_name
+    # pandas states no type for the keys, so state it here.
+    correlations_by_name: dict[str, dict[str, float]] = correlations.to_dict("index")
+    return correlations_by_name
 
 
 def find_intervals(
@@ -210,16 +213,18 @@ def find_intervals(
     return intervals
 
 
-def widen_to_value(
+def make_interval_entry(
     space: ParameterSpace,
     name: str,
     value: float,
     low: float | None,
     high: float | None,
 ) -> dict[str, Any]:
-    """Describe the interval of a parameter, and widen it to contain the answer.
+    """Make the entry of a parameter's interval, widened to contain the answer.
 
-    If the answer lies at a bound of the searched range, the interval is not widened.
+    If the answer lies at a bound of the searched range, the interval is not widened,
+    although the answer may lie outside it. The bound itself explains the answer then,
+    and `at_bound` says so.
 
     Parameters
     ----------
@@ -235,19 +240,21 @@ def widen_to_value(
     Returns
     -------
     dict
-        ``low`` and ``high``, None for a fixed parameter; ``at_bound``, "lower" or
-        "upper", if the value lies at this bound; ``widened`` if the interval did not
-        contain the value.
+        ``low`` and ``high`` are always there, and None for a fixed parameter. If the
+        value lies at a bound, ``at_bound`` is "lower" or "upper". If the interval did
+        not contain the value, ``widened`` is True.
     """
     if name not in space.free or low is None or high is None:
         return {"low": None, "high": None}
-    # Compare the value with both bounds along the scale of the parameter.
+    # Compare the value with both bounds of the range. On a logarithmic scale, compare
+    # their logarithms.
     k = space.free.index(name)
-    lowest = float(space.coordinate_bounds[0][k])
-    highest = float(space.coordinate_bounds[1][k])
+    lower_bounds, upper_bounds = space.coordinate_bounds
+    lower = float(lower_bounds[k])
+    upper = float(upper_bounds[k])
     coordinate = float(space.coordinates(name, np.array(value)))
-    for side, bound in (("lower", lowest), ("upper", highest)):
-        if abs(coordinate - bound) <= BOUND_TOLERANCE * (highest - lowest):
+    for side, bound in (("lower", lower), ("upper", upper)):
+        if abs(coordinate - bound) <= BOUND_TOLERANCE * (upper - lower):
             return {"low": low, "high": high, "at_bound": side}
     interval: dict[str, Any] = {"low": min(low, value), "high": max(high, value)}
     if not low <= value <= high:

@@ -36,39 +36,41 @@ def compute_target_probabilities(
     targets : Targets
         The targets of the study.
     percent : float, optional
-        Tolerance in percent of the aims; by default the ranges of the targets are used.
+        Tolerance in percent of the aims, the values that the search tries to reach. By
+        default, a mean must lie inside the range of its target.
 
     Returns
     -------
     dict
         A probability for each target, and one for the key `all`, that they are all met.
-        If a bench test has fewer than two good runs, the probabilities of its targets,
-        of the targets of all later bench tests and of `all` are None.
+        If a bench test has fewer than two good runs, the probabilities of its targets
+        and of `all` are None. So are the probabilities of the targets of all later
+        bench tests, because the calculation stops there.
     """
-    random = np.random.default_rng(SEED)
+    rng = np.random.default_rng(SEED)
     probabilities: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
     # Bench tests are independent, so their means are drawn separately. A draw meets all
     # targets if it meets the targets of every bench test.
     meets_all = np.ones(N_DRAWS, dtype=bool)
-    for bench in targets.apparatus:
-        targets_of_bench = [
-            target for target in targets if target.response.apparatus == bench
+    for bench_test in targets.apparatus:
+        bench_targets = [
+            target for target in targets if target.response.apparatus == bench_test
         ]
         # Collect the responses of the good runs in this bench test.
         rows = [
-            [run[target.name] for target in targets_of_bench]
-            for run in runs.get(bench, ())
+            [run[target.name] for target in bench_targets]
+            for run in runs.get(bench_test, ())
             if run["status"] == "ok"
         ]
-        # A single run does not show the scatter. The remaining probabilities, among
-        # them that of `all`, stay None.
+        # A single run does not show the scatter. The remaining probabilities, `all`
+        # among them, stay None.
         if len(rows) < 2:
             return probabilities
 
         # Each draw is a possible true mean. The probability of a target is the fraction
         # of the draws that meet it.
-        means = _draw_means(np.array(rows, dtype=float), random)
-        for mean, target in zip(means.T, targets_of_bench, strict=True):
+        means = _draw_means(np.array(rows, dtype=float), rng)
+        for mean, target in zip(means.T, bench_targets, strict=True):
             low, high = _find_accepted_range(target, percent)
             meets_target = (mean >= low) & (mean <= high)
             probabilities[target.name] = float(meets_target.mean())
@@ -80,8 +82,9 @@ def compute_target_probabilities(
 def _find_accepted_range(target: Target, percent: float | None) -> tuple[float, float]:
     """Return the lowest and the highest mean that meets a target.
 
-    Without `percent` these are the ends of the range of the target. Otherwise they lie
-    `percent` of the aim below and above the aim.
+    Without `percent`, these are the ends of the range of the target. Otherwise, they
+    lie `percent` of the aim below and above the aim. For the score of a profile, the
+    percentage refers to `Profile.whole` instead.
     """
     if percent is None:
         return target.low, target.high
@@ -117,18 +120,31 @@ def compute_range_probability(
     return float(below_high - below_low)
 
 
-def _draw_means(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Draw true means (N_DRAWS, k) of k responses, given their values (n, k) in n runs.
+def _draw_means(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Draw possible true means of the responses, given their values in a few runs.
 
-    A multivariate t vector is a normal vector divided by the root of a chi-square
-    number over its degrees of freedom.
+    The draws have a multivariate t distribution with n - 1 degrees of freedom. Such a
+    vector is a normal vector, divided by sqrt(c / (n - 1)), where c is a chi-square
+    number with n - 1 degrees of freedom.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, (n, k)
+        The k responses in each of at least two runs.
+    rng : numpy.random.Generator
+        Source of the random numbers. First the normal and then the chi-square numbers
+        are drawn; another order would change the published probabilities.
+
+    Returns
+    -------
+    numpy.ndarray, (N_DRAWS, k)
     """
     n, k = values.shape
     covariance_of_mean = np.cov(values, rowvar=False).reshape(k, k) / n
-    # Compute the root from eigenvalues, because a Cholesky root does not exist for a
-    # singular covariance. Rounding may make an eigenvalue slightly negative.
+    # Factorise the covariance by its eigenvalues, because it has no Cholesky factor if
+    # it is singular. Rounding may make an eigenvalue slightly negative.
     eigenvalues, eigenvectors = np.linalg.eigh(covariance_of_mean)
-    root = eigenvectors * np.sqrt(np.maximum(eigenvalues, 0.0))
-    normal = random.normal(size=(N_DRAWS, k)) @ root.T
-    chi_square = random.chisquare(n - 1, size=(N_DRAWS, 1))
+    factor = eigenvectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+    normal = rng.normal(size=(N_DRAWS, k)) @ factor.T
+    chi_square = rng.chisquare(n - 1, size=(N_DRAWS, 1))
     return values.mean(axis=0) + normal / np.sqrt(chi_square / (n - 1))

@@ -17,6 +17,8 @@ CONSTRAINT_FORM = (
 )
 CONSTRAINT_EXAMPLE = "mur_gg <= 0.5 * mus_gg"
 EXPECTED_FORM = f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}"
+# The inequality signs. None of them may be part of another one, because `parse` looks
+# for each of them in the text.
 SIGNS = ("<=", ">=")
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _PRODUCT = re.compile(rf"(?P<factor>{_NUMBER})\s*\*\s*(?P<name>.*\S)")
@@ -66,7 +68,7 @@ class Constraint(NamedTuple):
         """
         if not isinstance(text, str):
             raise ValueError(EXPECTED_FORM)
-        # A constraint has exactly one sign.
+        # A constraint has exactly one inequality sign.
         signs = [sign for sign in SIGNS if sign in text]
         if len(signs) != 1 or text.count(signs[0]) != 1:
             raise ValueError(EXPECTED_FORM)

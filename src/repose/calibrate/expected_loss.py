@@ -45,15 +45,15 @@ def compute_expected_loss(
 ) -> np.ndarray:
     """Compute the expected deviation of parameter sets from the targets (Eq. 11).
 
-    The result is the weighted sum of the deviations of the responses, in widths of
-    their ranges. The true mean of each response is assumed to be normal about its
-    prediction, so its absolute deviation from the target has a folded normal
-    distribution.
+    The result is the weighted sum of the absolute deviations of the responses. Each
+    deviation is divided by the width of the target's range. The true mean of a response
+    is assumed to be normally distributed about its prediction, so its absolute
+    deviation from the target has a folded normal distribution.
 
     Parameters
     ----------
     surrogate : Surrogate
-        One that knows its errors.
+        A surrogate whose `can_predict_errors` is True.
     X : numpy.ndarray, (n, d)
         Parameter sets.
     targets : Targets
@@ -62,6 +62,7 @@ def compute_expected_loss(
     Returns
     -------
     numpy.ndarray, (n,)
+        The expected loss of each parameter set.
     """
     variance = np.diagonal(surrogate.covariance(X), axis1=1, axis2=2)
     error = np.sqrt(variance)
@@ -76,14 +77,14 @@ def compute_expected_loss(
 def minimise_expected_loss(
     surrogate: Surrogate, space: ParameterSpace, targets: Targets
 ) -> dict[str, Any]:
-    """Find the parameter set of least expected loss.
+    """Find the parameter set with the smallest expected loss.
 
-    Among sets of equal loss, that nearest to the means of the priors is chosen.
+    Among sets of equal loss, the set nearest to the means of the priors is chosen.
 
     Parameters
     ----------
     surrogate : Surrogate
-        One that knows its errors.
+        A surrogate whose `can_predict_errors` is True.
     space : ParameterSpace
         Ranges, priors and constraints of the parameters.
     targets : Targets
@@ -95,8 +96,9 @@ def minimise_expected_loss(
         The parameters and the predicted responses by name, and the entries of
         `assess_by_errors`.
     """
-    best = _minimise(_make_loss(surrogate, space, targets), space)
-    X = space.values(best[None])
+    best_point = _minimise(_make_loss(surrogate, space, targets), space)
+    # These functions take tables, so make a table with a single row.
+    X = space.values(best_point[None])
     parameters = dict(zip(space.names, X[0].tolist(), strict=True))
     responses = surrogate.predict(X)[0].tolist()
     predicted = dict(zip(targets.predicted, responses, strict=True))
@@ -105,7 +107,9 @@ def minimise_expected_loss(
 
 
 def _minimise(loss: Loss, space: ParameterSpace) -> np.ndarray:
-    """Find the allowed point of least loss, by local searches from several starts.
+    """Find the allowed point with the smallest loss, by local searches.
+
+    The searches start from the best points of a space-filling sequence.
 
     Parameters
     ----------
@@ -122,29 +126,34 @@ def _minimise(loss: Loss, space: ParameterSpace) -> np.ndarray:
     from scipy.optimize import minimize
     from scipy.stats import qmc
 
-    # Start the local searches from the best points of a space-filling sequence.
+    # Choose the starts.
     sequence = qmc.Sobol(space.dimensions, scramble=False)
     candidates = take_allowed_points(sequence, N_CANDIDATES, space, follows_prior=False)
     starts = candidates[np.argsort(loss(candidates))[:N_DESCENTS]]
     # Leave room for the steps of finite differences at both bounds.
     bounds = [(DIFFERENCE_STEP, 1 - DIFFERENCE_STEP)] * space.dimensions
-    # L-BFGS-B is the method of the published results, but it allows no constraints.
-    # With constraints, use SLSQP instead.
-    method: dict[str, Any] = {"method": "L-BFGS-B"}
+    # Without constraints, use L-BFGS-B: the published results were computed with it, so
+    # another method would change them. It cannot treat constraints; SLSQP can.
+    method = "L-BFGS-B"
+    constraints = []
     if space.constraints:
+        method = "SLSQP"
+        # An inequality of SciPy is obeyed where its function is 0 or more, so negate
+        # the excesses.
         obeys_constraints = {
             "type": "ineq",
             "fun": lambda point: -_compute_excesses(space, point),
         }
-        method = {"method": "SLSQP", "constraints": [obeys_constraints]}
+        constraints = [obeys_constraints]
     minima = [
         minimize(
             _compute_loss_and_gradient,
             start,
             args=(loss,),
-            jac=True,
+            jac=True,  # the function also returns the gradient
             bounds=bounds,
-            **method,
+            method=method,
+            constraints=constraints,
         )
         for start in starts
     ]
@@ -161,7 +170,10 @@ def _minimise(loss: Loss, space: ParameterSpace) -> np.ndarray:
 
 
 def _compute_excesses(space: ParameterSpace, point: np.ndarray) -> np.ndarray:
-    """Compute by how much a point (d,) exceeds each constraint, plus a margin."""
+    """Compute by how much a point (d,) violates each constraint, plus a margin.
+
+    With the margin, a local search ends inside the allowed region.
+    """
     values = space.values(point[None])
     excesses = [
         constraint.compute_excess(values, space.names)[0]
@@ -171,12 +183,25 @@ def _compute_excesses(space: ParameterSpace, point: np.ndarray) -> np.ndarray:
 
 
 def _make_loss(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> Loss:
-    """Make the function to minimise: the expected loss plus the cost of the priors.
+    """Make the function to minimise.
+
+    It is the expected loss, plus a cost that increases with the distance from the means
+    of the priors (`Preference`).
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        A surrogate whose `can_predict_errors` is True.
+    space : ParameterSpace
+        The parameters with their priors.
+    targets : Targets
+        The targets of the study.
 
     Returns
     -------
     callable
-        Function of points (n, d) of the unit cube that returns numbers (n,).
+        Function of points (n, d) of the unit cube, from 0 to 1, that returns the loss
+        (n,) of each.
     """
     preference = Preference.from_priors(space)
 
@@ -184,6 +209,7 @@ def _make_loss(surrogate: Surrogate, space: ParameterSpace, targets: Targets) ->
         expected = compute_expected_loss(surrogate, space.values(unit), targets)
         if preference is None:
             return expected
+        # The preference takes points in [-1, 1].
         return expected + preference(2 * unit - 1)
 
     return loss
@@ -211,7 +237,7 @@ def assess_by_errors(
     Parameters
     ----------
     surrogate : Surrogate
-        One that knows its errors.
+        A surrogate whose `can_predict_errors` is True.
     parameters : mapping
         The parameter set by name.
     targets : Targets
@@ -224,8 +250,9 @@ def assess_by_errors(
     dict
         ``predicted_se`` has the standard error of the predicted mean of each response.
         ``expected_error_percent`` is the root of the expected mean square of the
-        relative deviations from the aims. ``within`` has the probability that all means
-        lie within each of the `REPORTED_PERCENTS` of the aims.
+        relative deviations from the aims, the target values. ``within`` has a
+        probability for each tolerance in `REPORTED_PERCENTS`: that all means lie no
+        farther from their aims than this percentage.
     """
     inputs = surrogate.inputs or names
     X = np.array([[parameters[name] for name in inputs]])
@@ -235,7 +262,8 @@ def assess_by_errors(
     aim = targets.aim
 
     # The expected squared deviation of a response is the squared deviation of its
-    # prediction plus the variance of the error of the prediction.
+    # prediction plus the variance of the error of the prediction. `targets.whole` has
+    # the number that counts as 100 % of each aim.
     squares = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2
     mean_square = np.average(squares, weights=targets.weight)
 

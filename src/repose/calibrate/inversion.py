@@ -92,19 +92,19 @@ def invert(
     """
     _require_aims_in_ranges(targets)
     # Search for points whose predictions meet the targets.
-    respond = restrict_to_free_parameters(model, space)
+    predict = restrict_to_free_parameters(model, space)
     preference = Preference.from_priors(space)
-    result = _search_parameters(respond, space, targets, settings, preference, support)
+    result = _search_parameters(predict, space, targets, settings, preference, support)
 
     # Put the representative first, whether it is feasible or not.
     points = result.points
     if settings.answer == MIN_LOSS and model.can_predict_errors:
         if result.is_supported:
-            points = _put_least_loss_first(points, model, space, targets, preference)
+            points = _put_best_by_loss_first(points, model, space, targets, preference)
         else:
             best = expected_loss.minimise_expected_loss(model, space, targets)
             points = _put_first(best, points, space, settings.distance)
-    responses = respond(points)
+    responses = predict(points)
     objectives, violations = result.objective(responses)
     rows = slice(_count_rows(violations, settings.solutions))
     points = points[rows]
@@ -154,23 +154,26 @@ class _SearchResult(NamedTuple):
 
 
 def _search_parameters(
-    respond: Callable[[np.ndarray], np.ndarray],
+    predict: Callable[[np.ndarray], np.ndarray],
     space: ParameterSpace,
     targets: Targets,
     settings: MigaSettings,
     preference: Preference | None,
     support: Support | None,
 ) -> _SearchResult:
-    """Search for parameter sets inside the ranges of the targets, or else near them.
+    """Search for parameter sets that meet the targets, or else come near to them.
 
-    Outside the region of the samples a surrogate extrapolates. Any set may then seem to
-    meet the targets, even if none does. The first search only counts if it finds a
-    set that is near samples and meets the targets. Otherwise a second search looks for
-    the sets nearest to the targets, and stays in the region of the samples.
+    A set is feasible if its predicted responses lie inside the ranges of the targets.
+    The first search looks for feasible sets in the whole ranges of the parameters. Far
+    from the samples a surrogate extrapolates, so a set may seem feasible there even if
+    none is. Therefore the result of the first search is used only if it has a feasible
+    set near samples. Otherwise a second search looks for the sets nearest to the
+    targets, and stays in the region of the samples. If the constraints exclude this
+    whole region, a third search does the same in the whole ranges.
 
     Parameters
     ----------
-    respond : callable
+    predict : callable
         Function of points (n, d) in [-1, 1] that returns responses (n, k).
     space : ParameterSpace
         The parameters of the study.
@@ -179,23 +182,24 @@ def _search_parameters(
     settings : MigaSettings
         The section `miga`.
     preference : Preference or None
-        The cost of the priors.
+        A cost that increases with the distance from the means of the priors; None
+        without priors.
     support : Support or None
         Region of the samples.
 
     Returns
     -------
     _SearchResult
-        Its evaluations are those of all searches.
+        The evaluations of all searches are counted.
     """
     largest_preference = preference.largest if preference else 0.0
     objective = Objective(targets, largest_preference)
 
-    def search_with(objective: Objective, region: Support | None) -> SearchResult:
-        """Search the given region of the samples; None means the whole ranges."""
+    def search(minimised: Objective, searched_region: Support | None) -> SearchResult:
+        """Search a region of samples; None means the whole ranges of the parameters."""
         return search_points(
-            respond,
-            objective,
+            predict,
+            minimised,
             space.dimensions,
             settings,
             preference,
@@ -203,23 +207,24 @@ def _search_parameters(
         )
 
     region = None
-    found = search_with(objective, region)
+    found = search(objective, region)
     evaluations = _count_evaluations(found)
+    # The archive has the points in the order of their quality. Even without a feasible
+    # point, it has the nearest ones, as long as the constraints allow any point.
     nearest_to_ranges = found.archive.points[0]
-    _, violations = objective(respond(found.archive.points))
+    _, violations = objective(predict(found.archive.points))
     feasible = found.archive.points[violations == 0]
     if not _is_near_samples(feasible, space, support).any():
-        # No set near samples lies inside the ranges, so search for the sets nearest to
-        # the targets instead of those nearest to the ranges.
+        # An objective without the ranges as a constraint leads to the sets nearest to
+        # the targets, instead of those nearest to the ranges.
         objective = Objective(targets, constrained=False)
         region = support
-        found = search_with(objective, region)
+        found = search(objective, region)
         evaluations += _count_evaluations(found)
-        # If the constraints exclude the whole region of the samples, nothing was found.
-        # Then search the whole ranges of the parameters.
+        # The constraints exclude the whole region of the samples.
         if len(found.archive.points) == 0:
             region = None
-            found = search_with(objective, region)
+            found = search(objective, region)
             evaluations += _count_evaluations(found)
     return _SearchResult(
         points=found.archive.points,
@@ -282,7 +287,7 @@ def _make_violation_function(
 
 
 def _require_aims_in_ranges(targets: Targets) -> None:
-    """Refuse a target whose aim lies outside its range."""
+    """Raise InputError for a target whose aim lies outside its range."""
     for target in targets:
         if not target.low <= target.aim <= target.high:
             raise InputError(
@@ -293,25 +298,26 @@ def _require_aims_in_ranges(targets: Targets) -> None:
             )
 
 
-def _count_rows(violations: np.ndarray, most: int) -> int:
+def _count_rows(violations: np.ndarray, maximum: int) -> int:
     """Count the points that become solutions.
 
     The solutions are the feasible points and the representative, but at least
-    `MIN_ROWS` and at most `most`. Without any feasible point there are `most`
+    `MIN_ROWS` and at most `maximum`. Without any feasible point there are `maximum`
     solutions.
 
     Parameters
     ----------
     violations : numpy.ndarray, (n,)
         Violations of the points, the representative first and then the best first.
-    most : int
+    maximum : int
         Largest number of solutions.
     """
     n_feasible = int(np.count_nonzero(violations == 0))
     if n_feasible == 0:
-        return most
+        return maximum
+    # An infeasible representative is a further solution. True counts as 1.
     is_first_infeasible = bool(violations[0] > 0)
-    return max(MIN_ROWS, min(n_feasible + is_first_infeasible, most))
+    return max(MIN_ROWS, min(n_feasible + is_first_infeasible, maximum))
 
 
 def restrict_to_free_parameters(
@@ -319,43 +325,50 @@ def restrict_to_free_parameters(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Make a function that predicts the responses from the free parameters alone.
 
+    The fixed parameters keep their values. If possible, the result uses the surrogate's
+    own fast function, because a search calls it very often.
+
     Parameters
     ----------
     surrogate : Surrogate
         The surrogate.
     space : ParameterSpace
-        Its fixed parameters keep their values.
+        The parameters of the study.
 
     Returns
     -------
     callable
-        Function of points (n, d) in [-1, 1], the scaled ranges of the d free
-        parameters. It returns the predicted responses (n, k).
+        Function of points (n, d) that returns the predicted responses (n, k). The
+        coordinates of a point go from -1 to 1, the ends of the range of each free
+        parameter, evenly along its scale.
     """
     if space.scale and dict(surrogate.scale) != space.scale:
-        # The response function of this surrogate takes coordinates along other scales
-        # than those of the space, so predict from the values of the parameters.
+        # The fast function of this surrogate does not spread the points along the
+        # scales of the space. So convert points to the unit cube, which goes from 0 to
+        # 1, and then to values of the parameters.
         return lambda points: surrogate.predict(space.values((points + 1) / 2))
     low = space.complete(space.low)[0]
     high = space.complete(space.high)[0]
-    respond = surrogate.response_function(low, high)
+    predict_from_all = surrogate.response_function(low, high)
     # Without fixed parameters, the function has the right inputs.
     if space.dimensions == len(space.names):
-        return respond
+        return predict_from_all
     columns = [space.names.index(name) for name in space.free]
 
-    def respond_to_free(points: np.ndarray) -> np.ndarray:
+    def predict_from_free(points: np.ndarray) -> np.ndarray:
         # The range of a fixed parameter is a single value, so its coordinate has no
         # effect and can be 0.
         all_coordinates = np.zeros((len(points), len(space.names)))
         all_coordinates[:, columns] = points
-        return respond(all_coordinates)
+        return predict_from_all(all_coordinates)
 
-    return respond_to_free
+    return predict_from_free
 
 
 def make_interval_table(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
-    """Make Table 3 of the paper: the interval and the dispersion of each parameter.
+    """Tabulate the interval of each parameter among solutions, and its dispersion.
+
+    This is Table 3 of the paper.
 
     Parameters
     ----------
@@ -369,18 +382,19 @@ def make_interval_table(solutions: pd.DataFrame, space: ParameterSpace) -> pd.Da
     pandas.DataFrame
         A row for each parameter: `variable`, `low`, `high`, and `dispersion_percent`.
         The dispersion is the width of the interval in percent of the width of the
-        range. Both widths are along the scale of the parameter.
+        range. Both are differences of values or, on a logarithmic scale, of their
+        logarithms.
     """
     names = list(space.names)
     low = solutions[names].min().to_numpy(float)
     high = solutions[names].max().to_numpy(float)
     range_low, range_high = space.coordinate_bounds
-    width_of_free = pd.Series(range_high - range_low, list(space.free))
+    free_widths = pd.Series(range_high - range_low, index=list(space.free))
     # A fixed parameter has an interval of width 0, so its dispersion is 0 for any width
     # of the range. Use 1 to avoid a division by 0.
-    range_width = width_of_free.reindex(names, fill_value=1.0).to_numpy()
+    range_widths = free_widths.reindex(names, fill_value=1.0).to_numpy()
     ends = to_coordinates(np.array([low, high]), names, space.scale)
-    dispersion_percent = 100 * (ends[1] - ends[0]) / range_width
+    dispersion_percent = 100 * (ends[1] - ends[0]) / range_widths
     table = pd.DataFrame({"variable": names, "low": low, "high": high})
     return table.assign(dispersion_percent=dispersion_percent)
 
@@ -390,13 +404,13 @@ def describe_result(
 ) -> str:
     """Describe the result of the search in a sentence.
 
-    The sentence compares the prediction for the representative solution with the ranges
-    and the aims of the targets.
+    The sentence compares the prediction for the answer, the representative solution,
+    with the ranges and the aims of the targets.
 
     Parameters
     ----------
     responses : numpy.ndarray, (k,)
-        Predicted responses of the representative.
+        Predicted responses of the answer.
     targets : Targets
         The targets of the study.
     n_feasible : int
@@ -407,27 +421,30 @@ def describe_result(
     Returns
     -------
     str
+        The sentence, with a full stop.
     """
 
     def format_numbers(numbers: Iterable[float]) -> str:
         """Write one number for each target, with its unit."""
-        return targets.in_words([f"{number:.2f}" for number in numbers])
+        return targets.format_with_units([f"{number:.2f}" for number in numbers])
 
-    ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
-    aims = targets.in_words([f"{target.aim:g}" for target in targets])
+    ranges = targets.format_with_units(
+        [f"{target.low:g}-{target.high:g}" for target in targets]
+    )
+    aims = targets.format_with_units([f"{target.aim:g}" for target in targets])
     predicted = format_numbers(responses)
     deviations = format_numbers(abs(responses - targets.aim))
     if n_feasible:
         return (
             f"{n_feasible} distinct feasible solutions inside {ranges}, at least "
-            f"{distance:g} apart in normalised parameters; the answer is predicted "
-            f"{predicted}, {deviations} from the target {aims}."
+            f"{distance:g} apart in normalised parameters; the prediction for the "
+            f"answer is {predicted}, which is {deviations} from the target {aims}."
         )
     outside = format_numbers(_measure_distances(responses, targets.low, targets.high))
     return (
-        "All later stages use the nearest solutions: the answer is predicted "
-        f"{predicted}, {outside} outside the ranges {ranges}, {deviations} from the "
-        f"target {aims}."
+        "All later stages use the nearest solutions: the prediction for the answer is "
+        f"{predicted}, which is {outside} outside the ranges {ranges}, and "
+        f"{deviations} from the target {aims}."
     )
 
 
@@ -443,7 +460,8 @@ def _make_summary(
     Parameters
     ----------
     table : pandas.DataFrame
-        The solutions, the representative one first.
+        The solutions. The first row must be the representative solution, which is the
+        answer.
     space : ParameterSpace
         The parameters of the study.
     targets : Targets
@@ -451,33 +469,33 @@ def _make_summary(
     settings : MigaSettings
         The section `miga`.
     counts : mapping
-        Numbers of points by the keys of the summary, such as `n_solutions`.
+        Entries of the summary that count points; `n_solutions` must be among them.
 
     Returns
     -------
     dict
-        Plain values by key.
+        Numbers, texts and dicts that JSON can hold.
     """
-    best = table.iloc[0]
-    responses = best[list(targets.predicted)].to_numpy(float)
-    range_distances = _measure_distances(responses, targets.low, targets.high)
-    # The aim is a range of width 0.
-    aim_distances = _measure_distances(responses, targets.aim, targets.aim)
+    answer = table.iloc[0]
+    responses = answer[list(targets.predicted)].to_numpy(float)
+    distances_from_ranges = _measure_distances(responses, targets.low, targets.high)
+    # Measure the distances from the aims with ranges of width 0.
+    distances_from_aims = _measure_distances(responses, targets.aim, targets.aim)
     representative = {}
     for name in (*space.names, *targets.predicted, "objective"):
-        representative[name] = float(best[name])
+        representative[name] = float(answer[name])
     message = describe_result(
         responses, targets, counts["n_solutions"], settings.distance
     )
-    if "warning" in table and best["warning"]:
-        message += f" Beyond the samples: {best['warning']}."
+    if "warning" in table and answer["warning"]:
+        message += f" Beyond the samples: {answer['warning']}."
     return {
         "feasible": counts["n_solutions"] > 0,
         **counts,
         "distance": settings.distance,
         "representative": representative,
-        "box_distance": dict(zip(targets.names, range_distances, strict=True)),
-        "target_distance": dict(zip(targets.names, aim_distances, strict=True)),
+        "box_distance": dict(zip(targets.names, distances_from_ranges, strict=True)),
+        "target_distance": dict(zip(targets.names, distances_from_aims, strict=True)),
         "message": message,
     }
 
@@ -488,10 +506,10 @@ def _find_missing_simulation(
     support: Support | None,
     nearest_to_ranges: np.ndarray,
 ) -> dict[str, Any]:
-    """Return the entry `stop` of the summary if the nearest set lies beyond the samples.
+    """Return the entry `stop` of the summary if the nearest set is at an end without samples.
 
-    The response may be steep at an end of a range. Without samples there, the targets
-    are not known to be out of reach.
+    The response may be steep at an end of a parameter's range. Without samples there,
+    the targets are not known to be out of reach.
 
     Parameters
     ----------
@@ -515,18 +533,20 @@ def _find_missing_simulation(
         return {}
     representative = table[list(space.names)].to_numpy(float)[:1]
     anywhere = space.values((nearest_to_ranges[None] + 1) / 2)
-    is_beyond = support.is_at_end_without_samples(np.vstack([representative, anywhere]))
-    return {"stop": ENDS_NOT_SIMULATED} if is_beyond.any() else {}
+    lacks_samples = support.is_at_end_without_samples(
+        np.vstack([representative, anywhere])
+    )
+    return {"stop": ENDS_NOT_SIMULATED} if lacks_samples.any() else {}
 
 
-def _put_least_loss_first(
+def _put_best_by_loss_first(
     points: np.ndarray,
     model: Surrogate,
     space: ParameterSpace,
     targets: Targets,
     preference: Preference | None,
 ) -> np.ndarray:
-    """Put the point (d,) of least expected loss before the other points (n, d)."""
+    """Put the point with the smallest expected loss before the other points (n, d)."""
     values = space.values((points + 1) / 2)
     loss = expected_loss.compute_expected_loss(model, values, targets)
     if preference is not None:

@@ -57,10 +57,10 @@ class _ParameterBounds:
         )
 
     def check(self, entry: Any) -> Any:
-        """Return an entry of the section unchanged, or refuse it if it has faults."""
+        """Return an entry of the section unchanged, or raise an error if it is invalid."""
         if isinstance(entry, Mapping):
-            refuse(self._find_faults(entry))
-        elif not self._is_range(entry):
+            refuse(self._find_errors(entry))
+        elif not self._is_valid_range(entry):
             refuse([("", self.allowed)])
         return entry
 
@@ -68,8 +68,8 @@ class _ParameterBounds:
         """Return whether a value is a number within the bounds."""
         return _is_number(value) and bool(self.low <= value <= self.high)
 
-    def _is_range(self, value: Any) -> bool:
-        """Return whether a value is a pair of rising numbers within the bounds.
+    def _is_valid_range(self, value: Any) -> bool:
+        """Return whether a value is a pair of increasing numbers within the bounds.
 
         The numbers must differ by more than rounding errors.
         """
@@ -81,8 +81,8 @@ class _ParameterBounds:
         smallest_width = MIN_RELATIVE_WIDTH * max(abs(low), abs(high))
         return bool(high - low > max(MIN_WIDTH, smallest_width))
 
-    def _find_faults(self, entry: Mapping[str, Any]) -> Contradictions:
-        """Find the faults of an entry that is a section.
+    def _find_errors(self, entry: Mapping[str, Any]) -> Contradictions:
+        """Find the errors of an entry that is a section.
 
         A valid entry has the key `fixed` alone, a range with a scale, or a prior with
         or without a range and a scale.
@@ -121,21 +121,24 @@ class _ParameterBounds:
             )
             return
 
-        # Otherwise, the entry must be a prior, or a range with a scale. If it has
-        # unknown keys, these have been reported already, and explain why it is
-        # incomplete.
+        # Otherwise, the entry must be a prior, or a range with a scale.
         prior = entry.get("prior")
-        has_no_bad_range = "range" not in entry or self._is_range(entry["range"])
+        is_range_acceptable = "range" not in entry or self._is_valid_range(
+            entry["range"]
+        )
         is_complete = prior is not None or {"range", "scale"} <= set(entry)
-        if not unknown_keys and not (is_complete and has_no_bad_range):
+        is_wrong_as_a_whole = not is_complete or not is_range_acceptable
+        # A misspelt key may be the reason why the entry is incomplete. It was reported
+        # above, so do not report the entry as a whole, too.
+        if is_wrong_as_a_whole and not unknown_keys:
             yield "", self.allowed
             return
         if prior is not None:
-            yield from self._find_prior_faults(prior)
-        if has_no_bad_range:
-            yield from self._find_scale_faults(entry)
+            yield from self._find_prior_error(prior)
+        if is_range_acceptable:
+            yield from self._find_scale_error(entry)
 
-    def _find_scale_faults(self, entry: Mapping[str, Any]) -> Contradictions:
+    def _find_scale_error(self, entry: Mapping[str, Any]) -> Contradictions:
         """Yield the key and what is allowed if the scale is unknown or does not fit."""
         scale = entry.get("scale", LINEAR)
         if not isinstance(scale, str) or scale not in SCALES:
@@ -143,8 +146,13 @@ class _ParameterBounds:
         elif scale == LOG and not ("range" in entry and entry["range"][0] > 0):
             yield "range", f"a pair [low, high] with low above 0, where scale is {LOG}"
 
-    def _find_prior_faults(self, prior: Any) -> Contradictions:
-        """Yield the key and what is allowed for each fault of a prior."""
+    def _find_prior_error(self, prior: Any) -> Contradictions:
+        """Yield the key and what is allowed for the first error of a prior, if any.
+
+        The mean must be a number within the bounds. The standard deviation must be
+        above 0, and not above the upper bound, which is infinite in practice unless
+        `is_bounded`.
+        """
         if not isinstance(prior, Mapping) or set(prior) != {"mean", "sd"}:
             yield "prior", "a section with the keys mean and sd"
         elif not self._is_within_bounds(prior["mean"]):
@@ -199,12 +207,12 @@ def find_far_priors(parameters: Mapping[str, Any]) -> Contradictions:
     Parameters
     ----------
     parameters : mapping
-        The section `parameters`, whose entries have no faults.
+        The section `parameters`, whose entries are valid.
 
     Yields
     ------
     pair of str
-        Name of the parameter, and what is allowed.
+        Name of the parameter, and the ranges that are allowed.
     """
     for name, entry in parameters.items():
         if not isinstance(entry, Mapping) or not {"prior", "range"} <= set(entry):
@@ -217,7 +225,7 @@ def find_far_priors(parameters: Mapping[str, Any]) -> Contradictions:
         if prior_high < range_low or prior_low > range_high:
             yield (
                 name,
-                f"a range that meets {prior_low:g} to {prior_high:g}, "
+                f"a range that overlaps {prior_low:g} to {prior_high:g}, which is "
                 f"{PRIOR_HALF_WIDTH_SDS:g} sd about the mean of its prior",
             )
 
@@ -225,14 +233,14 @@ def find_far_priors(parameters: Mapping[str, Any]) -> Contradictions:
 def describe_wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
     """Describe each parameter whose range is too wide for a linear scale.
 
-    Parameters whose entry names a scale are left out, because the user has chosen the
-    scale. Ranges that begin at or below 0 are left out as well, because a logarithmic
-    scale is impossible for them.
+    Fixed parameters are left out. Parameters whose entry names a scale are left out,
+    too, because the user has chosen the scale. Ranges that begin at or below 0 are left
+    out as well, because a logarithmic scale is impossible for them.
 
     Parameters
     ----------
     parameters : mapping
-        The section `parameters`, whose entries have no faults.
+        The section `parameters`, whose entries are valid.
 
     Yields
     ------
@@ -240,10 +248,10 @@ def describe_wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
         A sentence about the parameter that proposes a remedy.
     """
     for name, entry in parameters.items():
-        if isinstance(entry, Mapping) and not {"scale", "fixed"}.isdisjoint(entry):
+        if isinstance(entry, Mapping) and ("scale" in entry or "fixed" in entry):
             continue
         low, high = find_range(name, entry)
-        if not low > 0:
+        if low <= 0:
             continue
         decades = math.log10(high / low)
         if decades > MAX_LINEAR_DECADES:
@@ -255,12 +263,12 @@ def describe_wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
             )
 
 
-def find_constraint_faults(
+def find_constraint_errors(
     constraints: Sequence[str],
     parameters: Mapping[str, Any],
     limits: Limits | None = None,
 ) -> Contradictions:
-    """Find the faults of the key `constraints`.
+    """Find the errors of the key `constraints`.
 
     Each constraint is first checked on its own. If all are valid, they are checked
     together.
@@ -270,51 +278,54 @@ def find_constraint_faults(
     constraints : sequence of str
         The constraints as the user wrote them.
     parameters : mapping
-        The section `parameters`, without faults.
+        The section `parameters`, whose entries are valid.
     limits : mapping, optional
         See `ParameterSpace.of`.
 
     Yields
     ------
     pair of str
-        Number of the constraint, counted from 0, and what is allowed. The number is an
-        empty string if the constraints together are at fault.
+        Position of the constraint in the list, counted from 0 and written as text, and
+        what is allowed. The position is an empty string if the error concerns all
+        constraints together.
     """
-    faults = []
+    errors = []
     for k, text in enumerate(constraints):
-        allowed = _find_constraint_fault(text, parameters)
+        allowed = _describe_allowed_constraint(text, parameters)
         if allowed is not None:
-            faults.append((str(k), allowed))
-    if faults:
-        yield from faults
+            errors.append((str(k), allowed))
+    if errors:
+        yield from errors
         return
 
     # Check that all constraints together leave enough of the ranges.
     space = ParameterSpace.of(parameters, limits=limits, constraints=constraints)
-    share = space.allowed_fraction
-    if share < MIN_ALLOWED_FRACTION:
+    allowed_fraction = space.allowed_fraction
+    if allowed_fraction < MIN_ALLOWED_FRACTION:
         yield (
             "",
-            f"constraints that allow at least {100 * MIN_ALLOWED_FRACTION:g} % of the ranges, "
-            f"and of their priors; these allow {100 * share:.2g} %: narrow the ranges to "
-            "where they hold",
+            f"constraints that allow at least {100 * MIN_ALLOWED_FRACTION:g} % of the "
+            f"ranges, and of their priors; these allow {100 * allowed_fraction:.2g} %: "
+            "narrow the ranges to where the constraints are obeyed",
         )
 
 
-def _find_constraint_fault(text: str, parameters: Mapping[str, Any]) -> str | None:
-    """Find the fault of a single constraint.
+def _describe_allowed_constraint(
+    text: str, parameters: Mapping[str, Any]
+) -> str | None:
+    """Check a single constraint, and describe what is allowed if it is invalid.
 
     Parameters
     ----------
     text : str
         The constraint as the user wrote it.
     parameters : mapping
-        The section `parameters`, without faults.
+        The section `parameters`, whose entries are valid.
 
     Returns
     -------
     str or None
-        What is allowed; None if the constraint has no fault.
+        What is allowed, for an error message; None if the constraint is valid.
     """
     try:
         constraint = Constraint.parse(text, tuple(parameters))

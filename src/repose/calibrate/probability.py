@@ -13,7 +13,7 @@ N_POINTS = 128
 MIN_PROBABILITY = 1e-300
 # Probabilities of a normal distribution are kept this far away from 0 and 1, where its
 # quantiles are infinite.
-SMALLEST_FRACTION = 1e-16
+MIN_TAIL = 1e-16
 
 
 def compute_box_probability(
@@ -21,10 +21,12 @@ def compute_box_probability(
 ) -> np.ndarray:
     """Compute the probability that normal vectors lie in a box.
 
-    With the Cholesky root L of the covariance, a vector is mean + L z, where z are
-    independent standard normal numbers. This allows integrating over one response at a
-    time (G92). The integral is estimated as a mean over a Sobol sequence. It is exact
-    for one response. For two responses its error is below 0.001.
+    With the Cholesky factor L of the covariance, a vector is mean + L z, where z are
+    independent standard normal numbers. This allows treating one response at a time
+    (Genz 1992): the probability that it lies inside the box, given the responses before
+    it. The product of these probabilities is averaged over draws of the responses,
+    which come from a Sobol sequence. The result is exact for one response. For two
+    responses its error is below 0.001 with the present `N_POINTS`.
 
     Parameters
     ----------
@@ -33,7 +35,7 @@ def compute_box_probability(
     covariance : numpy.ndarray, (m, k, k)
         Covariances of the vectors.
     low, high : numpy.ndarray, (k,)
-        Ends of the box.
+        Lower and upper bounds of the box.
 
     Returns
     -------
@@ -43,25 +45,29 @@ def compute_box_probability(
     from scipy.stats import qmc
 
     k = mean.shape[1]
-    cholesky_root = np.linalg.cholesky(covariance)
-    # Draw a column of uniform numbers for each response except the last. Shift all
-    # points by half a step, because the first point of the sequence is 0.
+    L = np.linalg.cholesky(covariance)
+    # Draw a column of uniform numbers for each response except the last, which is not
+    # drawn. Shift all points by half a step, because the first point of the sequence is
+    # 0, which has no normal quantile.
     uniform = np.zeros((1, 0))
     if k > 1:
         uniform = qmc.Sobol(k - 1, scramble=False).random(N_POINTS) + 0.5 / N_POINTS
-    # Axes: vectors, points of the sequence, responses.
+    # The axes are the vectors, the points of the sequence, and for z the responses.
     z = np.zeros((len(mean), len(uniform), k))
     probability = np.ones((len(mean), len(uniform)))
     for i in range(k):
-        # Given the earlier responses, the mean of response i is shifted.
-        shift = np.einsum("mj,mpj->mp", cholesky_root[:, i, :i], z[:, :, :i])
-        sd = cholesky_root[:, i, i, None]
-        # Compute the distribution function at both ends of the box, (vectors, points).
+        # Given the earlier responses, the mean of response i is shifted, and its
+        # standard deviation is the diagonal element of L.
+        shift = np.einsum("mj,mpj->mp", L[:, i, :i], z[:, :, :i])
+        sd = L[:, i, i, None]
+        # Compute the probabilities that response i lies below each bound.
         below_low = ndtr((low[i] - mean[:, i, None] - shift) / sd)
         below_high = ndtr((high[i] - mean[:, i, None] - shift) / sd)
         probability *= below_high - below_low
-        # Draw z inside the box, because the later responses depend on it.
+        # The later responses depend on z_i. Draw it from the part of the normal
+        # distribution inside the box: choose a probability between both, and take its
+        # quantile.
         if i < k - 1:
-            share = below_low + uniform[:, i] * (below_high - below_low)
-            z[:, :, i] = ndtri(np.clip(share, SMALLEST_FRACTION, 1 - SMALLEST_FRACTION))
+            quantile_level = below_low + uniform[:, i] * (below_high - below_low)
+            z[:, :, i] = ndtri(np.clip(quantile_level, MIN_TAIL, 1 - MIN_TAIL))
     return probability.mean(axis=1)

@@ -113,7 +113,7 @@ class _ProfileTargets(Section, Generic[ProfileType]):
     targets: dict[str, ProfileType]
 
 
-class _MeasuredLine(NamedTuple):
+class _ProfileWithError(NamedTuple):
     """A measured profile with the standard deviation of its heights."""
 
     profile: Profile
@@ -123,6 +123,9 @@ class _MeasuredLine(NamedTuple):
 def expand_profiles(targets: Any, source: Any) -> Any:
     """Replace each profile in the list `targets` by an entry for each of its scores.
 
+    A score is the coefficient of one of the functions that describe the profile. The
+    targets belong to bench tests; see `expand_own_profiles` for other simulators.
+
     Parameters
     ----------
     targets : iterable
@@ -130,14 +133,20 @@ def expand_profiles(targets: Any, source: Any) -> Any:
     source : object
         File of the list, for an error.
 
+    Returns
+    -------
+    list
+        The entries in the same order. Entries that are not profiles are unchanged.
+
     Raises
     ------
     InputError
-        If a profile has faults; the message lists all of them.
+        If a profile is invalid; the message lists all errors.
     """
     entries = []
     for k, entry in enumerate(targets):
         if _is_profile(entry):
+            # An error in the entry then has a key such as `targets.2.functions`.
             measured = _validate_entry(
                 {str(k): entry}, _ProfileTargets[BenchProfile], source
             )
@@ -148,15 +157,17 @@ def expand_profiles(targets: Any, source: Any) -> Any:
 
 
 def expand_own_profiles(targets: Any, source: Any) -> Any:
-    """Replace each profile in `targets` by a target for each of its scores.
+    """Replace each profile in the section `targets` by a target for each of its scores.
 
-    The section is that of a study with the user's own simulator.
+    A score is the coefficient of one of the functions that describe the profile. The
+    section belongs to a study with the user's own simulator. There, targets have names
+    that the user chose, instead of the registered responses of bench tests.
 
     Parameters
     ----------
     targets : mapping
         The entries by name. A value that is not a mapping is returned unchanged,
-        because a later check refuses it.
+        because a later check rejects it.
     source : object
         File of the section, for an error.
 
@@ -168,7 +179,8 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
     Raises
     ------
     InputError
-        If a profile has faults; the message lists all of them.
+        If a profile is invalid, or if a score has the name of another target. The
+        message lists all errors of the profile.
     """
     if not isinstance(targets, Mapping):
         return targets
@@ -186,7 +198,7 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
                 source=source,
                 key=f"targets.{name}",
                 value=repeated_names,
-                allowed="a profile whose scores have other names than all targets",
+                allowed="a profile none of whose scores has the name of another target",
             )
         entries.update(score_targets)
     return entries
@@ -195,7 +207,7 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
 def _make_own_targets(
     name: str, entry: Mapping[str, Any], source: Any
 ) -> dict[str, dict[str, Any]]:
-    """Make a target for each score of a profile of the user's own simulator.
+    """Make a target for each score of a profile in a study with the user's own simulator.
 
     Parameters
     ----------
@@ -212,17 +224,21 @@ def _make_own_targets(
         An entry of the section `targets` for each score, by its name.
     """
     measured = _validate_entry({name: entry}, _ProfileTargets[OwnProfile], source)
-    line = _read_profile(measured, name)
-    profile = line.profile
-    # All scores share the unit, the definition and the noise of the profile.
+    profile_with_error = _read_profile(measured, name)
+    profile = profile_with_error.profile
+    # All scores share the unit, the definition and the noise of the profile. Only keys
+    # that the user gave are passed on, but their checked values are used.
     common_keys: dict[str, Any] = {}
     for key in ("unit", "definition"):
         if key in entry:
             common_keys[key] = getattr(measured, key)
     if measured.noise_sd is not None:
-        # The variances of all scores add up to the variance of a height.
-        common_keys["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
-    targets_of_scores = _describe_scores(measured, line, {})
+        # The functions are orthonormal, so the variances of all scores add up to the
+        # variance of a height. Each score gets the same part of it.
+        common_keys["noise_sd"] = measured.noise_sd / math.sqrt(profile.n_functions)
+    targets_of_scores = _make_score_targets(
+        measured, profile_with_error, further_keys={}
+    )
     return {
         score: target | common_keys
         for score, target in zip(profile.names, targets_of_scores, strict=True)
@@ -251,7 +267,7 @@ def _validate_entry(
     Raises
     ------
     InputError
-        If the entry has faults, or its file does not exist.
+        If the entry is invalid, or its file does not exist.
     """
     raise_together(faults.find_faults({"targets": targets}, source, model).faults)
     ((name, entry),) = model.model_validate({"targets": targets}).targets.items()
@@ -269,7 +285,9 @@ def _validate_entry(
 def _make_bench_targets(
     measured: BenchProfile, key: str, source: Any
 ) -> list[dict[str, Any]]:
-    """Make a target for each score of a profile of a bench test.
+    """Make a target for each score of a profile that a bench test measures.
+
+    A score is the coefficient of one of the functions that describe the profile.
 
     Parameters
     ----------
@@ -290,9 +308,10 @@ def _make_bench_targets(
     InputError
         If no bench test has this profile, or if the entry names another bench test.
     """
-    # The scores are registered responses, but the profile is not, so find the bench
-    # test through the first score.
-    first_response = find_response(name_derived_column(measured.response, "1"))
+    # The scores are registered responses, with names such as turning_profile_1_mm, but
+    # the profile is not. So find the bench test through the first score.
+    first_score = name_derived_column(measured.response, "1")
+    first_response = find_response(first_score)
     if first_response is None or first_response.profile != measured.response:
         raise InputError(
             source=source,
@@ -307,12 +326,15 @@ def _make_bench_targets(
             value=measured.apparatus,
             allowed=first_response.apparatus,
         )
-    # Divide the weight of the profile by the number of its scores.
-    line = _read_profile(measured, measured.response)
-    weight = measured.weight / line.profile.functions
-    scores = _describe_scores(measured, line, {"covered": measured.covered})
+    # All scores together have the weight of the profile.
+    profile_with_error = _read_profile(measured, measured.response)
+    profile = profile_with_error.profile
+    weight = measured.weight / profile.n_functions
+    score_targets = _make_score_targets(
+        measured, profile_with_error, further_keys={"covered": measured.covered}
+    )
     entries = []
-    for name, score_keys in zip(line.profile.names, scores, strict=True):
+    for name, score_keys in zip(profile.names, score_targets, strict=True):
         entries.append(
             {
                 "response": name,
@@ -324,52 +346,57 @@ def _make_bench_targets(
     return entries
 
 
-def _describe_scores(
-    measured: MeasuredProfile, line: _MeasuredLine, profile_keys: Mapping[str, Any]
+def _make_score_targets(
+    measured: MeasuredProfile,
+    profile_with_error: _ProfileWithError,
+    further_keys: Mapping[str, Any],
 ) -> Iterator[dict[str, Any]]:
     """Make a target for each score of a measured profile.
 
     A score is the coefficient of one of the functions that describe the profile. All
-    scores get the same standard deviation. Their variances add up to the variance of a
-    height, so each standard deviation is that of a height over the root of the number
+    scores get the same standard deviation. The functions are orthonormal, so the
+    variances of the scores add up to the variance of a height. The standard deviation
+    of a score is therefore that of a height, divided by the square root of the number
     of functions.
 
     Parameters
     ----------
     measured : MeasuredProfile
         The entry of the configuration.
-    line : _MeasuredLine
+    profile_with_error : _ProfileWithError
         The profile in its file.
-    profile_keys : mapping
-        Further keys of the profile, which each target also contains.
+    further_keys : mapping
+        Further keys for the section `profile` of each target.
 
     Yields
     ------
     dict
         The target of a score, as a configuration file has it.
     """
-    profile = line.profile
-    sd_reduction = math.sqrt(profile.functions)
-    low, high = compute_target_range(profile.height, line.sd, measured.repetitions)
+    profile, height_sd = profile_with_error
+    sd_reduction = math.sqrt(profile.n_functions)
+    low, high = compute_target_range(profile.height, height_sd, measured.repetitions)
+    # `within` is above 0, or None if the user did not give it.
     half_range = (measured.within or 0.5 * (high - low)) / sd_reduction
     section = {
         "name": profile.name,
         "x": list(profile.x),
         "z": list(profile.z),
-        "functions": profile.functions,
-        **profile_keys,
+        "functions": profile.n_functions,
+        **further_keys,
     }
     for value in profile.scores(profile.z).tolist():
         yield {
             "value": value,
-            "sd": line.sd / sd_reduction,
+            "sd": height_sd / sd_reduction,
             "repetitions": measured.repetitions,
             "range": [value - half_range, value + half_range],
+            # The targets share the lists x and z, which nothing changes in place.
             "profile": section.copy(),
         }
 
 
-def _read_profile(measured: MeasuredProfile, name: str) -> _MeasuredLine:
+def _read_profile(measured: MeasuredProfile, name: str) -> _ProfileWithError:
     """Read the profile of a file.
 
     Raises
@@ -427,7 +454,7 @@ def _read_profile(measured: MeasuredProfile, name: str) -> _MeasuredLine:
         )
 
     if not isinstance(measured.sd, str):
-        return _MeasuredLine(profile, float(measured.sd))
+        return _ProfileWithError(profile, float(measured.sd))
     deviations = numbers[measured.sd]
     mean_square = sum(sd**2 for sd in deviations) / len(deviations)
-    return _MeasuredLine(profile, math.sqrt(mean_square))
+    return _ProfileWithError(profile, math.sqrt(mean_square))

@@ -51,14 +51,14 @@ class Profile:
         Abscissae, rising.
     z : tuple of float, (n,)
         The measured heights there.
-    functions : int
+    n_functions : int
         Number of functions, and of scores.
     """
 
     name: str
     x: tuple[float, ...]
     z: tuple[float, ...]
-    functions: int
+    n_functions: int
 
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Profile":
@@ -67,29 +67,34 @@ class Profile:
             name=section["name"],
             x=tuple(section["x"]),
             z=tuple(section["z"]),
-            functions=section["functions"],
+            n_functions=section["functions"],
         )
 
     @cached_property
     def basis(self) -> np.ndarray:
-        """The functions at the abscissae, (n, functions).
+        """Polynomials of rising degree at the abscissae, (n, functions).
 
-        The mean of the square of a function is 1, that of a product of two is 0.
+        They are orthonormal: over the abscissae, the mean of the square of a function
+        is 1, and the mean of the product of two different functions is 0.
         """
-        # Legendre polynomials of the abscissae, scaled to [-1, 1].
-        x = np.array(self.x)
-        middle = 0.5 * (x[-1] + x[0])
-        half_width = 0.5 * (x[-1] - x[0])
-        degree = self.functions - 1
+        # Evaluate Legendre polynomials, after scaling the abscissae to [-1, 1].
+        abscissae = np.array(self.x)
+        middle = 0.5 * (abscissae[-1] + abscissae[0])
+        half_width = 0.5 * (abscissae[-1] - abscissae[0])
+        degree = self.n_functions - 1
         polynomials = np.polynomial.legendre.legvander(
-            (x - middle) / half_width, degree
+            (abscissae - middle) / half_width, degree
         )
 
-        # The polynomials are orthogonal over the interval. The columns of Q are
-        # orthogonal over the abscissae, as required here.
+        # Legendre polynomials are orthogonal in the mean over the whole interval, but
+        # not in the mean over the abscissae. The QR decomposition makes them so: the
+        # columns of Q have the length 1 and are orthogonal, and column k is a
+        # polynomial of degree k.
         Q, R = np.linalg.qr(polynomials)
-        # The signs of the columns of Q are arbitrary. Choose those of the polynomials.
-        return Q * np.sign(np.diagonal(R)) * math.sqrt(len(x))
+        # The signs of the columns of Q are arbitrary. Choose those of the Legendre
+        # polynomials. The factor turns the sum of squares 1 into a mean square of 1.
+        signs = np.sign(np.diagonal(R))
+        return Q * signs * math.sqrt(len(abscissae))
 
     def scores(self, heights: ArrayLike) -> np.ndarray:
         """Compute the scores (..., functions) of heights (..., n) at the abscissae."""
@@ -107,7 +112,8 @@ class Profile:
     def names(self) -> tuple[str, ...]:
         """Names of the scores."""
         return tuple(
-            name_derived_column(self.name, str(k)) for k in range(1, self.functions + 1)
+            name_derived_column(self.name, str(k))
+            for k in range(1, self.n_functions + 1)
         )
 
     @property
@@ -123,4 +129,4 @@ class Profile:
         deviates by at most p % of this number, the root mean square distance of the
         smooth profiles is at most p % of the height.
         """
-        return self.height / math.sqrt(self.functions)
+        return self.height / math.sqrt(self.n_functions)

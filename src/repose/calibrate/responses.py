@@ -195,14 +195,16 @@ def response(name: str, source: object = "response") -> Response:
 def find_response(name: str) -> Response | None:
     """Find a response by its name; None if there is no such response.
 
-    The registered responses are searched first, and then the families.
+    The registered responses are searched first. Then each family is asked, a function
+    that makes the response from its name, or returns None for a name that it does not
+    know.
     """
     if name in _REGISTRY:
         return _REGISTRY[name]
-    for family in _FAMILIES:
-        response_of_family = family(name)
-        if response_of_family is not None:
-            return response_of_family
+    for find_in_family in _FAMILIES:
+        found = find_in_family(name)
+        if found is not None:
+            return found
     return None
 
 
@@ -216,7 +218,7 @@ def list_responses(apparatus: str) -> tuple[Response, ...]:
 def reject_other_definitions(
     definitions: Definitions, path: object, expected: Definitions, source: object
 ) -> None:
-    """Refuse a file that defines a response differently from another file.
+    """Raise InputError for a file that defines a response unlike another file.
 
     Parameters
     ----------

@@ -16,10 +16,11 @@ PURPOSE_STREAMS = {
     "batches": 16,  # batches of a strategy without its own stream
 }
 
-# The first bench test of the project. It has no name in its seeds and its files, which
-# are older than the other bench tests.
+# The default bench test. Its seeds do not depend on its name, and the names of its files
+# do not contain it.
 UNNAMED = "funnel"
-# Only the drum uses this stream, so its seeds need no name of a bench test.
+# Only the rotating drum uses the stream of this purpose, so its seeds need no name of a
+# bench test.
 DRUM_PURPOSE = "drum"
 
 
@@ -30,18 +31,21 @@ def draw_run_seeds(
     count: int,
     apparatus: str = UNNAMED,
 ) -> list[int]:
-    """Draw the seeds of the runs of a parameter set.
+    """Draw the seeds of the runs of a sample.
 
     Each bench test has its own random stream, so the noise of the tests is independent.
+    The seeds depend on nothing but the arguments. Any change to this function changes
+    the seeds of all studies, and so all published results.
 
     Parameters
     ----------
     study_seed : int
         Seed of the study.
     purpose : str or int
-        One of `PURPOSE_STREAMS`, or the number of another stream.
+        What the runs are for: a key of `PURPOSE_STREAMS`, or directly the number of
+        another stream of random numbers.
     number : int
-        Number of the sample.
+        Number of the sample, the parameter set in the design.
     count : int
         Number of seeds. A larger number only adds seeds at the end.
     apparatus : str, optional
@@ -56,7 +60,8 @@ def draw_run_seeds(
 
     stream = purpose if isinstance(purpose, int) else PURPOSE_STREAMS[purpose]
     entropy = [study_seed, stream, number]
-    # A named bench test gets its own stream from a checksum of its name.
+    # A bench test gets its own stream from a checksum of its name. `UNNAMED` and
+    # `DRUM_PURPOSE` say why there are two exceptions.
     if apparatus != UNNAMED and purpose != DRUM_PURPOSE:
         entropy.append(zlib.crc32(apparatus.encode()))
     seeds = np.random.SeedSequence(entropy).generate_state(count)

@@ -15,7 +15,7 @@ from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_types import (
     Constraints,
     count_free,
-    find_constraint_faults,
+    find_constraint_errors,
     find_far_priors,
     make_parameter_type,
 )
@@ -211,7 +211,7 @@ class StudyFile(Section):
         # If the parameters are invalid, `info.data` does not have them, and pydantic
         # reports them separately.
         if "parameters" in info.data:
-            refuse(find_constraint_faults(constraints, info.data["parameters"]))
+            refuse(find_constraint_errors(constraints, info.data["parameters"]))
         return constraints
 
     @field_validator("targets")

@@ -21,8 +21,9 @@ OWN_BENCH = "own"
 def complete_target(entry: Any) -> Any:
     """Add the missing bench test and range to an entry of the list `targets`.
 
-    The default bench test is that of the response. The default range lies around the
-    measured value, see `compute_target_range`.
+    The bench test has the key `apparatus`. By default, it is the bench test that
+    measures the response. The default range lies around the measured value, see
+    `compute_target_range`.
 
     Parameters
     ----------
@@ -33,15 +34,16 @@ def complete_target(entry: Any) -> Any:
     Returns
     -------
     any
-        A completed copy of the entry. Faults are left to a later check: an entry that
-        is not a mapping is returned unchanged, and one with unusable numbers gets no
-        range.
+        A completed copy of the entry. A later check finds its errors: an entry that is
+        not a mapping is returned unchanged, and if a number is missing or has the wrong
+        type or size, no range is added.
     """
     if not isinstance(entry, Mapping):
         return entry
     known_response = find_response(str(entry.get("response")))
+    # The later check rejects an unknown response, so any bench test serves for it.
     apparatus = UNNAMED if known_response is None else known_response.apparatus
-    # The keys of the user take precedence.
+    # The user's keys take precedence.
     completed = {"apparatus": apparatus} | dict(entry)
     if "range" in entry:
         return completed
@@ -224,8 +226,8 @@ class Targets(tuple[Target, ...]):
                 profiles[target.profile.name] = target.profile
         return profiles
 
-    def in_words(self, numbers: Sequence[str]) -> str:
-        """Enumerate numbers with the units of the targets.
+    def format_with_units(self, numbers: Sequence[str]) -> str:
+        """List numbers in a text, each with the unit of its target.
 
         Parameters
         ----------

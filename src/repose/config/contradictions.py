@@ -20,7 +20,7 @@ from repose.bench.parameters import (
     parameters_of_law,
 )
 from repose.bench.settings import SceneSettings
-from repose.calibrate.parameter_types import find_constraint_faults
+from repose.calibrate.parameter_types import find_constraint_errors
 from repose.calibrate.strategies import obeying_strategies, strategy
 from repose.config.models import StudySettings, select_valid_sections
 
@@ -164,7 +164,7 @@ def _find_constraint_problems(settings: StudySettings) -> KeyProblems:
     if settings.constraints is None:
         return
     entries = settings.parameters.entries
-    for key, allowed in find_constraint_faults(settings.constraints, entries, ALLOWED):
+    for key, allowed in find_constraint_errors(settings.constraints, entries, ALLOWED):
         # The key is a position in the list, or empty for the list as a whole. An empty
         # key would leave a dot at the end.
         yield f"constraints.{key}".rstrip("."), allowed

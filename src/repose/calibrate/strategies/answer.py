@@ -98,8 +98,12 @@ def judge_answer(answer: Answer, targets: Targets, note: str = "") -> tuple[bool
     """
     is_inside = (answer.mean >= targets.low) & (answer.mean <= targets.high)
     feasible = bool(is_inside.all())
-    predicted = targets.in_words([format_significant(value) for value in answer.mean])
-    ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
+    predicted = targets.format_with_units(
+        [format_significant(value) for value in answer.mean]
+    )
+    ranges = targets.format_with_units(
+        [f"{target.low:g}-{target.high:g}" for target in targets]
+    )
     where = "inside" if feasible else "NOT inside"
     message = f"The answer is predicted {predicted}, {where} {ranges}. {note}"
     return feasible, message.rstrip()

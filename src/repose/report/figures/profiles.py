@@ -56,8 +56,8 @@ def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
         lines = _compute_answer_lines(profile, responses, answer)
         # The functions are orthonormal. So the variance of the heights, averaged over
         # the profile, is the sum of the variances of the scores. All scores have the
-        # same variance, and there are `profile.functions` of them.
-        height_sd = score_targets[0].sd * np.sqrt(profile.functions)
+        # same variance, and there are `profile.n_functions` of them.
+        height_sd = score_targets[0].sd * np.sqrt(profile.n_functions)
         draw(panel, profile, sd=height_sd, lines=lines)
     style.label_panels(axes)
     return figure

@@ -17,7 +17,7 @@ from repose.calibrate.answer import (
     describe_optimism,
 )
 from repose.calibrate.bounds import describe_near_bound
-from repose.calibrate.card import add_remark, widen_to_value
+from repose.calibrate.card import add_remark, make_interval_entry
 from repose.calibrate.designs.latin_hypercube import METHOD_LABELS
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.responses import compute_deviation_percent
@@ -397,7 +397,7 @@ def _make_parameter_row(results: Results, name: str, value: float) -> list[str]:
     # Widen the interval, if necessary, so that it contains the value. The result also
     # contains remarks: that the interval was widened, or that the value lies at an end
     # of its range. Without a posterior, only these remarks are used.
-    interval = widen_to_value(parameters, name, value=value, low=low, high=high)
+    interval = make_interval_entry(parameters, name, value=value, low=low, high=high)
     interval_cells: list[str] = []
     if row is not None:
         interval_cells = [
