@@ -22,7 +22,7 @@ from repose.calibrate.parameter_types import describe_wide_ranges
 from repose.calibrate.record import _compute_reference_sizes
 from repose.calibrate.search.objective import Preference
 from repose.calibrate.study_file import make_targets
-from repose.calibrate.surrogates import load, make, on_scale
+from repose.calibrate.surrogates import load, make, wrap_for_scale
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.uncertainty.sensitivity import analyse_surrogate
 from repose.calibrate.uncertainty.settings import SensitivitySettings
@@ -151,7 +151,7 @@ def test_a_range_of_more_than_two_decades_without_a_scale_gets_one_sentence():
 @pytest.mark.parametrize("kind", ["quadratic", "gaussian_process"])
 def test_a_surrogate_learns_the_logarithm(kind, tmp_path):
     sets, Y = samples()
-    model = on_scale(make(kind), SPACE.scale).describe(SPACE.names, ("a", "b"))
+    model = wrap_for_scale(make(kind), SPACE.scale).describe(SPACE.names, ("a", "b"))
     model.fit(sets, Y)
     twin = make(kind).describe(SPACE.names, ("a", "b")).fit(logarithms(sets), Y)
     places = SPACE.values(np.random.default_rng(2).random((20, 2)))
@@ -183,7 +183,7 @@ def test_a_surrogate_learns_the_logarithm(kind, tmp_path):
 
 def test_a_file_with_an_unknown_scale_is_refused(tmp_path):
     sets, Y = samples()
-    model = on_scale(make("quadratic"), {"gamma": "log"})
+    model = wrap_for_scale(make("quadratic"), {"gamma": "log"})
     model.describe(SPACE.names, ("a", "b")).fit(sets, Y).save(tmp_path / "model.json")
     text = (tmp_path / "model.json").read_text().replace('"log"', '"cubic"')
     (tmp_path / "model.json").write_text(text)
@@ -207,7 +207,9 @@ def test_sensitivity_and_table_3_are_those_of_the_logarithm():
     sets, Y = samples()
     targets = make_targets({name: MEASURED for name in ("a", "b")})
     settings = SensitivitySettings(samples=1024, resamples=20, seed=1)
-    model = on_scale(make("quadratic"), SPACE.scale).describe(SPACE.names, ("a", "b"))
+    model = wrap_for_scale(make("quadratic"), SPACE.scale).describe(
+        SPACE.names, ("a", "b")
+    )
     scaled = analyse_surrogate(model.fit(sets, Y), SPACE, targets, settings)
     twin_model = make("quadratic").describe(SPACE.names, ("a", "b"))
     twin = analyse_surrogate(

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.surrogates import make, on_scale
+from repose.calibrate.surrogates import make, wrap_for_scale
 from repose.report.figures import panels, posterior, region
 from repose.report.page import prediction
 from repose.report.study_view import compute_cell_edges
@@ -70,7 +70,7 @@ def test_the_page_has_curves_even_along_the_scale():
     random = np.random.default_rng(1)
     sets = SPACE.values(random.random((30, 2)))
     Y = np.column_stack([np.log10(sets[:, 0]) + sets[:, 1]])
-    model = on_scale(make("quadratic"), SPACE.scale).describe(SPACE.names, ("y",))
+    model = wrap_for_scale(make("quadratic"), SPACE.scale).describe(SPACE.names, ("y",))
     content = prediction.describe_surrogate(
         model.fit(sets, Y), SPACE, np.array([1e-2, 0.5])
     )

@@ -411,7 +411,7 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     # what the first free parameter, with a prior, has below its median is excluded
     excluded = np.where(quantile[:, 0] < 0.5, 4.0, 1.0)
     share, table = implausibility.find_region(
-        SimpleNamespace(quantile=quantile, space=space), excluded
+        SimpleNamespace(quantiles=quantile, space=space), excluded
     )
     middles = (np.arange(implausibility.N_CELLS) + 0.5) / implausibility.N_CELLS
     np.testing.assert_allclose(

@@ -39,7 +39,7 @@ from repose.calibrate.seeds import PURPOSE_STREAMS, draw_run_seeds
 from repose.calibrate.targets import OWN_BENCH
 from repose.dem.sources import source_hash
 from repose.report import figures
-from repose.calibrate.surrogates import surrogate_class
+from repose.calibrate.surrogates import find_surrogate_class
 
 # The subcommands run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")

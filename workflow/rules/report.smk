@@ -76,7 +76,7 @@ TABLES = drop_missing(
         and "drum" in config
         and rules.drum.output.summary,
         "Starts of the network": BY_THE_CHAIN
-        and surrogate_class(config["surrogate"]).is_network
+        and find_surrogate_class(config["surrogate"]).is_network
         and rules.network.output.starts,
         "Published sets in this simulator": BY_THE_CHAIN
         and PUBLISHED_IS_STORED

@@ -538,11 +538,11 @@ def choose_split(surrogate: str) -> list[float]:
 
     Only a network needs validation samples.
     """
-    from repose.calibrate.surrogates import surrogate_class
+    from repose.calibrate.surrogates import find_surrogate_class
 
     return (
         [0.70, 0.15, 0.15]
-        if surrogate_class(surrogate).is_network
+        if find_surrogate_class(surrogate).is_network
         else [0.85, 0.0, 0.15]
     )
 

@@ -17,7 +17,7 @@ from repose.calibrate.responses import (
     reject_other_definitions,
 )
 from repose.calibrate.runs import select_bench_runs
-from repose.calibrate.surrogates import Surrogate, load, make, on_scale
+from repose.calibrate.surrogates import Surrogate, load, make, wrap_for_scale
 from repose.calibrate.surrogates.accuracy import compute_r2
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
@@ -233,7 +233,7 @@ def train_surrogate(
             replicates = Replicates.estimate(runs, samples, targets)
             if replicates is not None:
                 noise = replicates._asdict()
-        untrained = on_scale(make(surrogate, settings), scale or {})
+        untrained = wrap_for_scale(make(surrogate, settings), scale or {})
         untrained.describe(
             inputs=names,
             outputs=targets.names,

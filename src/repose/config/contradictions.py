@@ -182,7 +182,7 @@ def _find_surrogate_problems(settings: StudySettings) -> KeyProblems:
     from repose.calibrate import surrogates
 
     n_training = _count_design_samples(settings, part=TRAINING_PART)
-    n_needed = surrogates.surrogate_class(settings.surrogate).least_samples(
+    n_needed = surrogates.find_surrogate_class(settings.surrogate).least_samples(
         settings.free
     )
     if n_training >= n_needed:
@@ -193,7 +193,8 @@ def _find_surrogate_problems(settings: StudySettings) -> KeyProblems:
     suitable = [
         name
         for name in surrogates.names()
-        if surrogates.surrogate_class(name).least_samples(settings.free) <= n_training
+        if surrogates.find_surrogate_class(name).least_samples(settings.free)
+        <= n_training
     ]
     yield (
         "surrogate",

@@ -6,19 +6,19 @@
 
 from repose.calibrate.surrogates.base import Surrogate, register
 from repose.calibrate.surrogates.registry import (
+    find_surrogate_class,
     load,
     make,
     names,
-    on_scale,
-    surrogate_class,
+    wrap_for_scale,
 )
 
 __all__ = [
     "Surrogate",
+    "find_surrogate_class",
     "load",
     "make",
     "names",
-    "on_scale",
     "register",
-    "surrogate_class",
+    "wrap_for_scale",
 ]

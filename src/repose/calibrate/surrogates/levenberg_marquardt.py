@@ -133,8 +133,8 @@ class _State(NamedTuple):
     beta: float
     gamma: np.ndarray  # (classes,)
 
-    def F(self) -> float:
-        """Compute F."""
+    def objective(self) -> float:
+        """Compute the objective F."""
         return float(self.beta * self.point.Ed + self.alpha @ self.point.Ew)
 
     def half_gradient(self) -> np.ndarray:
@@ -145,12 +145,12 @@ class _State(NamedTuple):
         """Compute H / 2 (N, N)."""
         return self.beta * self.point.JJ + np.diag(self.alpha_of_weight)
 
-    def decrement(self) -> float:
+    def newton_decrement(self) -> float:
         """Compute the height of F above the minimum of its quadratic model."""
         g = self.half_gradient()
         return float(g @ np.linalg.solve(self.half_hessian(), g))
 
-    def evidence(self, data: _Data) -> float:
+    def log_evidence(self, data: _Data) -> float:
         """Compute the log evidence, replicates included."""
         return compute_log_evidence(
             alpha=self.alpha,
@@ -234,14 +234,14 @@ def train_start(
         "w": state.point.w,
         "JJ": state.point.JJ,
         "alpha_of_weight": state.alpha_of_weight,
-        "log_evidence": state.evidence(data),
+        "log_evidence": state.log_evidence(data),
         "gamma": float(state.gamma.sum()),
         "alpha": alpha,
         "beta": float(state.beta),
         "mse": state.point.Ed / n,
         "epochs": epochs,
         "stop_reason": reason,
-        "decrement": state.decrement(),
+        "decrement": state.newton_decrement(),
         "at_cap": np.flatnonzero(state.alpha >= MAX_ALPHA).tolist(),
     }
 
@@ -305,7 +305,7 @@ def train_again(
     )
 
     # Take steps until F hardly decreases.
-    F = state.F()
+    F = state.objective()
     mu = max(settings.mu, MIN_MU)
     for _ in range(MAX_DESCENT_STEPS):
         weights, next_mu = _find_step(state, mu, data, settings)
@@ -319,7 +319,7 @@ def train_again(
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
         # F is the negative log of a probability, so a decrease below MIN_DECREASE
         # hardly changes this probability.
-        decrease = F - state.F()
+        decrease = F - state.objective()
         F -= decrease
         if decrease < MIN_DECREASE:
             break
@@ -438,10 +438,10 @@ def _choose_better(
     _Best or None
         None if there is still no state near a minimum.
     """
-    is_near_minimum = state.decrement() < NEAR_MINIMUM  # False also for NaN
+    is_near_minimum = state.newton_decrement() < NEAR_MINIMUM  # False also for NaN
     if not is_near_minimum:
         return best
-    evidence = state.evidence(data)
+    evidence = state.log_evidence(data)
     largest = -np.inf if best is None else best.evidence
     if evidence > largest:
         return _Best(state, evidence, epoch)
@@ -470,7 +470,7 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
     """
     mu = max(settings.mu, MIN_MU)
     for _ in range(MAX_DESCENT_STEPS):
-        if state.decrement() < DESCENT_DECREMENT:
+        if state.newton_decrement() < DESCENT_DECREMENT:
             break
         weights, mu = _find_step(state, mu, data, settings)
         if weights is None:

@@ -19,7 +19,7 @@ def names() -> tuple[str, ...]:
     return tuple(_import_kinds())
 
 
-def surrogate_class(name: str, source: object = "surrogate") -> type[Surrogate]:
+def find_surrogate_class(name: str, source: object = "surrogate") -> type[Surrogate]:
     """Return the class that is registered under a name.
 
     Parameters
@@ -79,10 +79,10 @@ def make(
     InputError
         If no surrogate has this name.
     """
-    return surrogate_class(name, source).of(settings)
+    return find_surrogate_class(name, source).of(settings)
 
 
-def on_scale(model: Surrogate, scale: Mapping[str, str]) -> Surrogate:
+def wrap_for_scale(model: Surrogate, scale: Mapping[str, str]) -> Surrogate:
     """Wrap a surrogate so that it learns each input on the input's scale.
 
     Parameters
@@ -127,13 +127,13 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
         responses.
     """
     content = read_json(path, KEYS, "a surrogate's JSON file")
-    kind = surrogate_class(content["surrogate"], path)
+    kind = find_surrogate_class(content["surrogate"], path)
     _check_finite(content, path)
     # Damaged content may raise any of these errors in `from_dict`. Catch all of them,
     # and raise one error that names the file, the kind of surrogate and the cause.
     try:
         samples = _check_sample_numbers(content.get("samples", []))
-        model = on_scale(kind.from_dict(content), _check_scale(content))
+        model = wrap_for_scale(kind.from_dict(content), _check_scale(content))
         # This sets the names of inputs and outputs, which the file has, too.
         model.describe(
             inputs=content["inputs"],

@@ -137,6 +137,6 @@ def has_profiles(study: "PipelineConfig") -> bool:
 
 def has_network(study: "PipelineConfig") -> bool:
     """Return whether the surrogate is a neural network."""
-    from repose.calibrate.surrogates import surrogate_class  # slow to import
+    from repose.calibrate.surrogates import find_surrogate_class  # slow to import
 
-    return surrogate_class(study.settings.surrogate).is_network
+    return find_surrogate_class(study.settings.surrogate).is_network
