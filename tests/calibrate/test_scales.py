@@ -198,7 +198,7 @@ def test_samples_cover_shares_of_the_range_along_the_scale():
     places = SPACE.values(np.random.default_rng(2).random((50, 2)))
     assert support.distance(places) == pytest.approx(twin.distance(logarithms(places)))
     assert support.leverage(places) == pytest.approx(twin.leverage(logarithms(places)))
-    assert support.warnings(np.array([[1.01e-4, 0.5, 0.4]]))[0].startswith(
+    assert support.make_warnings(np.array([[1.01e-4, 0.5, 0.4]]))[0].startswith(
         "at a bound: gamma low"
     )
 

@@ -204,7 +204,7 @@ def test_solutions_beyond_the_samples_carry_a_warning(tmp_path):
     table = pd.read_csv(tmp_path / "feasible.csv", keep_default_na=False)
     assert table.columns[-1] == "warning"
     X = table[list(PARAMETERS)].to_numpy()
-    is_beyond = support.is_thin(X) | support.at_bounds(X).any(axis=1)
+    is_beyond = support.is_sparse(X) | support.at_bounds(X).any(axis=1)
     assert is_beyond.any()
     assert ((table["warning"] != "") == is_beyond).all()
     warning = table["warning"].iloc[0]

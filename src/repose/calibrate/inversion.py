@@ -121,7 +121,9 @@ def invert(
     if preference is not None:
         table["prior_distance_sd"] = preference.distance(points)
     if support is not None:
-        table["warning"] = support.warnings(table[list(space.names)].to_numpy(float))
+        table["warning"] = support.make_warnings(
+            table[list(space.names)].to_numpy(float)
+        )
 
     # Without a feasible solution, Table 3 describes the nearest ones.
     feasible_rows = table[table["feasible"]]
@@ -247,7 +249,7 @@ def _is_near_samples(
     """
     if support is None or not len(points):
         return np.ones(len(points), bool)
-    return ~support.is_thin(space.values((points + 1) / 2))
+    return ~support.is_sparse(space.values((points + 1) / 2))
 
 
 def _count_evaluations(found: SearchResult) -> int:
@@ -347,8 +349,8 @@ def restrict_to_free_parameters(
         # scales of the space. So convert points to the unit cube, which goes from 0 to
         # 1, and then to values of the parameters.
         return lambda points: surrogate.predict(space.values((points + 1) / 2))
-    low = space.complete(space.low)[0]
-    high = space.complete(space.high)[0]
+    low = space.add_fixed_values(space.low)[0]
+    high = space.add_fixed_values(space.high)[0]
     predict_from_all = surrogate.response_function(low, high)
     # Without fixed parameters, the function has the right inputs.
     if space.dimensions == len(space.names):

@@ -206,7 +206,7 @@ class ParameterSpace:
 
     def values(self, unit: np.ndarray) -> np.ndarray:
         """Turn points (n, d) of the unit cube into parameter sets (n, names)."""
-        return self.complete(self.free_values(unit))
+        return self.add_fixed_values(self.free_values(unit))
 
     def free_values(self, unit: np.ndarray) -> np.ndarray:
         """Turn points (n, d) of the unit cube into values (n, d) of the free parameters."""
@@ -223,7 +223,7 @@ class ParameterSpace:
         # must not move a value out of its range.
         return np.clip(values, self.low, self.high)
 
-    def complete(self, values: np.ndarray) -> np.ndarray:
+    def add_fixed_values(self, values: np.ndarray) -> np.ndarray:
         """Add the fixed values to values (n, d) of the free parameters.
 
         The result (n, names) has a column for each parameter.
@@ -289,7 +289,7 @@ class ParameterSpace:
         # constraints with different units can be compared. The limit follows from the
         # largest absolute value of each parameter, fixed ones included. It has the
         # shape (1, names), because constraints take a table of parameter sets.
-        low, high = self.complete(np.array([self.low, self.high]))
+        low, high = self.add_fixed_values(np.array([self.low, self.high]))
         largest_values = np.maximum(np.abs(low), np.abs(high))[None]
         columns = []
         for constraint in self.constraints:

@@ -548,7 +548,7 @@ def _add_warnings(
     """
     names = list_parameters(table, parameter_names)
     parameter_sets = table[list(names)].to_numpy(float)
-    warnings = support.warnings(parameter_sets) if len(parameter_sets) else []
+    warnings = support.make_warnings(parameter_sets) if len(parameter_sets) else []
     return table.assign(warning=warnings)
 
 

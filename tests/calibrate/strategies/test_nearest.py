@@ -67,7 +67,7 @@ def test_the_answer_is_near_the_top_of_the_surface(design, target, seed):
     answer, support = answer_of(coded, target, seed)
     # Nearer than all but the best runs of the design, and no corner.
     assert surface(answer.values) > TOP - 2.0
-    assert not support.is_thin(answer.values[None])[0]
+    assert not support.is_sparse(answer.values[None])[0]
     assert answer.why.endswith("the answer is the nearest")
     # A prediction from what is supported is true.
     assert abs(answer.mean[0] - surface(answer.values)) < 3 * answer.error[0]
@@ -130,7 +130,7 @@ def test_published_answers_where_runs_are(surrogate, function, seed):
     runs = pd.DataFrame(coded, columns=names).assign(y=function(coded) + noise)
     answer = strategy("published").propose(study, checked_runs(study, runs))
     support = Support(coded, np.full(6, -1.0), np.full(6, 1.0), names)
-    assert not support.is_thin(answer.values[None])[0]
+    assert not support.is_sparse(answer.values[None])[0]
     # Nearer to the target than nine runs in ten. In the corners it is farther.
     assert function(answer.values) > np.quantile(function(coded), 0.9)
 

@@ -188,8 +188,8 @@ def test_distances_tell_what_few_samples_do_not_bear():
     support = Support(grid(), [0, 0], [1, 1], NAMES)
     assert support.usual_distance == pytest.approx(0.1)
     assert support.distance([[0.2, 0.25], [0.7, 0.85]]) == pytest.approx([0.05, 0.15])
-    assert support.is_thin([[0.45, 0.45], [0.7, 0.85]]).tolist() == [False, True]
-    inside, bound, near, distant = support.warnings(
+    assert support.is_sparse([[0.45, 0.45], [0.7, 0.85]]).tolist() == [False, True]
+    inside, bound, near, distant = support.make_warnings(
         [[0.45, 0.5], [0.005, 0.995], [0.012, 0.5], [0.45, 0.9]]
     )
     assert inside == ""
@@ -210,7 +210,7 @@ def test_leverage_is_that_of_the_hat_matrix():
     assert support.leverage(points) == pytest.approx(hat)
     assert hat.sum() == pytest.approx(6)
     assert support.largest_leverage == pytest.approx(hat.max())
-    assert support.is_thin([[1.6, 1.6]]).all()
+    assert support.is_sparse([[1.6, 1.6]]).all()
     points = np.random.default_rng(1).uniform(size=(20, 6))
     support = Support(points, np.zeros(6), np.ones(6), "abcdef")
     assert compute_quadratic_terms(points).shape == (20, 28)
@@ -252,7 +252,9 @@ def test_support_leaves_out_fixed_parameters():
     )
     free = Support(grid(), [0, 0], [1, 1], NAMES)
     points = np.array([[0.45, 0.5], [0.005, 0.995], [0.45, 0.9]])
-    assert fixed.warnings(np.insert(points, 1, 0.3, axis=1)) == free.warnings(points)
+    assert fixed.make_warnings(np.insert(points, 1, 0.3, axis=1)) == free.make_warnings(
+        points
+    )
     expected = [False] * 3
     assert fixed.at_bounds(np.insert(points, 1, 0.3, axis=1))[:, 1].tolist() == expected
     assert fixed.largest_leverage == free.largest_leverage

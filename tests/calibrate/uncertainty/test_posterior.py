@@ -92,7 +92,7 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
 
 
 class Everywhere:
-    def is_thin(self, X):
+    def is_sparse(self, X):
         return np.zeros(len(X), bool)
 
 

@@ -99,7 +99,7 @@ class Support:
     @classmethod
     def from_space(cls, points: np.ndarray, space: ParameterSpace) -> Self:
         """Make the support of parameter sets (n, p) of a study."""
-        low, high = space.complete(np.array([space.low, space.high]))
+        low, high = space.add_fixed_values(np.array([space.low, space.high]))
         return cls(points, low, high, space.names, space.scale)
 
     @classmethod
@@ -177,7 +177,7 @@ class Support:
         terms = compute_quadratic_terms(self._scale_to_ranges(points))
         return ((terms @ self._inverse_R) ** 2).sum(axis=1)
 
-    def is_thin(self, points: np.ndarray) -> np.ndarray:
+    def is_sparse(self, points: np.ndarray) -> np.ndarray:
         """Mark the points (m,) that lie where samples are sparse (`excess`)."""
         return self.excess(points) > 0
 
@@ -191,7 +191,7 @@ class Support:
         leverage = np.maximum(self.leverage(points) - self.largest_leverage, 0.0)
         return distance + leverage
 
-    def warnings(self, points: np.ndarray) -> list[str]:
+    def make_warnings(self, points: np.ndarray) -> list[str]:
         """Make a warning for each point that is at a bound or far from the samples.
 
         Parameters

@@ -305,7 +305,7 @@ def infer_posterior(
     summary["predicted"] = _summarise_predictions(targets, Y)
     summary["misfit"] = compute_misfit(Y, model.covariance(X), measurement.observed)
     summary |= _summarise_information(information, table)
-    summary["thin_share"] = float(support.is_thin(X).mean())
+    summary["thin_share"] = float(support.is_sparse(X).mean())
     summary |= _summarise_convergence(convergence)
     summary["correlations"] = np.atleast_2d(np.corrcoef(kept.T)).round(3).tolist()
     summary["statements"] = _collect_statements(space, table)

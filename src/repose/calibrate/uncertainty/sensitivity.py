@@ -460,8 +460,7 @@ def analyse_surrogate(
         scale is logarithmic.
         """
         values = parameters.from_coordinates(coordinates)
-        # Add the fixed parameters.
-        return model.predict(parameters.complete(values))
+        return model.predict(parameters.add_fixed_values(values))
 
     # Make a row for each response and parameter. The arrays (k, d) are raveled in the
     # order of the pairs.

@@ -328,7 +328,7 @@ def compute_influence(
     def respond(coordinates: np.ndarray) -> np.ndarray:
         """Predict the responses at coordinates of the free parameters."""
         values = parameters.from_coordinates(coordinates)
-        return model.predict(parameters.complete(values))
+        return model.predict(parameters.add_fixed_values(values))
 
     shape = len(model.outputs), len(model.inputs)
     fraction = np.zeros(shape)
