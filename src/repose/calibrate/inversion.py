@@ -205,7 +205,7 @@ def _search_parameters(
             space.dimensions,
             settings,
             preference,
-            compute_violation=_make_violation_function(space, region),
+            compute_violation=_make_violation_function(space, searched_region),
         )
 
     region = None

@@ -157,8 +157,8 @@ def rank_responses(
                 "bits_low": bits_low,
                 "bits_high": bits_high,
                 # `groups` and `values` are the numbers of parameter sets and of runs.
-                "sets": variances.groups,
-                "runs": variances.values,
+                "sets": variances.n_groups,
+                "runs": variances.n_values,
             }
         )
     if not rows:

@@ -113,9 +113,9 @@ def write_optimism(
     dataset = read_dataset(dataset_csv, targets, parameter_names)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     # Collect the runs to which the surrogate was fitted. If no sample has two runs,
-    # their scatter is unknown, and `pours` is None.
-    pours = Pours.collect(surrogate, dataset, runs, targets)
-    if pours is None or settings.replicates == 0:
+    # their scatter is unknown, and `replicate_runs` is None.
+    replicate_runs = ReplicateRuns.collect(surrogate, dataset, runs, targets)
+    if replicate_runs is None or settings.replicates == 0:
         table = pd.DataFrame(columns=list(OPTIMISM_COLUMNS))
     else:
         search = make_repeated_search(

@@ -466,7 +466,7 @@ def checked_runs(
     cells = {name: [row.get(name) for row in rows] for name in columns}
 
     # Check all columns before raising an error, so that it lists all invalid cells.
-    low, high = space.complete(np.array([space.low, space.high]))
+    low, high = space.add_fixed_values(np.array([space.low, space.high]))
     parameter_columns = map(
         _describe_parameter_column, parameters, low.tolist(), high.tolist()
     )

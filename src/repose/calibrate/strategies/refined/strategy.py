@@ -185,7 +185,9 @@ def _estimate_optimism(
     """
     settings = study.settings.miga
     runs_of_bench_tests = split_by_bench(data, study.targets)
-    pours = Pours.collect(training.model, samples, runs_of_bench_tests, study.targets)
+    pours = ReplicateRuns.collect(
+        training.model, samples, runs_of_bench_tests, study.targets
+    )
     if pours is None or not settings.replicates:
         return []
     table = estimate_optimism(

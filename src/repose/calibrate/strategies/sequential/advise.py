@@ -413,7 +413,9 @@ def find_nearest(
         """Return minus the expected deviation; -inf where a point is not considered."""
         mean, covariance = model.predict(unit_points)
         deviation = goal.expected_deviation(mean, covariance)
-        is_excluded = support.is_thin(unit_points) | ~goal.space.is_allowed(unit_points)
+        is_excluded = support.is_sparse(unit_points) | ~goal.space.is_allowed(
+            unit_points
+        )
         return np.where(is_excluded, -np.inf, -deviation)
 
     # With a fixed seed, the same runs always give the same point.
