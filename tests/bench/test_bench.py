@@ -109,7 +109,9 @@ def test_its_section_is_part_of_the_configuration(config):
         )
     del config["spread"]
     input_error(
-        r"targets\.2\.apparatus is 'spread'; .*in a section with the name of the bench test", PipelineConfig.of, config
+        r"targets\.2\.apparatus is 'spread'; .*in a section with the name of the bench test",
+        PipelineConfig.of,
+        config,
     )
 
 
