@@ -977,18 +977,19 @@ def optimism():
     typical_error = others["aor_se_deg"].mean()
     mean_found = with_error(found_others.mean(), typical_error / np.sqrt(len(others)))
     return (
-        "The program estimates by how much a predicted angle is probably too large. For the answer of the run `goji_berry`, its "
-        f"estimate is {expected_answer}. New piles with this answer were indeed flatter than predicted, by {found_answer}°, so here "
-        "the estimate is right within the errors.\n\n"
-        f"The check of the run `goji_berry` also simulated {len(others)} other solutions of the search. For these, the program "
-        f"expected the predicted angles to be too large by {expected.mean():.1f}° on average, but the new piles were flatter by "
-        f"{mean_found}°. The expected optimism therefore explains only part of the error. For single solutions, the difference "
-        f"was {found_others.min():.1f} to {found_others.max():.1f}°, with a standard error of about {typical_error:.1f}° each.\n\n"
-        f"When solutions of `goji_berry` were simulated again, {counted_flatter()} gave flatter piles than predicted. All were "
-        "predicted by the same network, so this points to a bias of the network in the region of the solutions. "
-        "For the angle there, the network reports a standard error of "
-        f"{posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}°. The 95 % intervals of the parameters take such a random "
-        "error into account, but not a bias.\n"
+        "The predicted angle of an answer may be too large, and the program estimates this bias. For the answer of the run "
+        f"`goji_berry`, its estimate is {expected_answer}. New piles with this answer were indeed flatter than predicted, by "
+        f"{found_answer}°, so here the estimate agrees with the simulation within the uncertainty.\n\n"
+        f"The check of the run `goji_berry` also simulated {len(others)} other parameter sets that its search had found. For these "
+        f"sets, the program estimated that the predicted angles were too large by {expected.mean():.1f}° on average (the expected "
+        f"optimism). In the simulation, they were too large by {mean_found}°, so the estimate explains only part of the error. "
+        f"For the individual sets, the error was {found_others.min():.1f} to {found_others.max():.1f}°, with a standard error of "
+        f"about {typical_error:.1f}° each.\n\n"
+        f"The run `goji_berry` simulated its answer and other solutions of its search again, and {counted_flatter()} parameter sets "
+        "gave flatter piles than predicted. The same network predicted them all, so this points to a bias of the network in this "
+        "region of the parameters. The network reports a standard error of "
+        f"{posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}° for the angle in this region. The 95 % intervals of the "
+        "parameters allow for such a random error, but not for a bias. So check an answer with new piles before you use it.\n"
     )
 
 
