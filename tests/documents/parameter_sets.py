@@ -120,9 +120,9 @@ KIND = {
     "e_gg": "the restitution between berries",
     "mus_gg": "the static friction between berries",
     "mur_gg": "the rolling friction between berries",
-    "e_gp": "the restitution of a berry on plate and wall",
-    "mus_gp": "the static friction on plate and wall",
-    "mur_gp": "the rolling friction on plate and wall",
+    "e_gp": "the restitution of a berry on the plate and the wall",
+    "mus_gp": "the static friction on the plate and the wall",
+    "mur_gp": "the rolling friction on the plate and the wall",
 }
 LINES = {
     "flank, 30 to 80 %, levels (calibrated)": "flank",
@@ -392,14 +392,14 @@ def open_intervals():
     """How wide the intervals stay, with the discrepancy of each number."""
     pooled, secant, exact = open_shares()
     return (
-        "Ten measured piles of goji berries hardly narrow the 95 % intervals of the contact parameters. How much they narrow "
-        "them depends on the [discrepancy](#the-discrepancy), the error that we assume for the simulator. By default this is "
-        f"{pooled.size} for the angle and the height of a pile. Each interval then keeps {pooled.all} of the width that it has "
-        "without a measurement.\n\n"
-        f"With a more accurate simulator, ten measured piles would determine {KIND[NARROWEST]}, `{NARROWEST}`, better. By "
-        f"default we assume that the error of the simulator is {pooled.size}. With one of our smaller estimates, {secant.size}, "
-        f"the 95 % interval of `{NARROWEST}` shrinks to {secant.narrowest} of the width that it has without a measurement, and "
-        f"with a perfect simulator it would shrink to {exact.narrowest}.\n"
+        "The ten measured piles of goji berries hardly narrow the 95 % intervals of the contact parameters. How much they narrow "
+        "them depends on the error that we assume for the simulator, called the [discrepancy](#the-discrepancy). By default it is "
+        f"{pooled.size} for the angle and the height of a pile. With this error, the width of each interval is {pooled.all} of "
+        "what it would be if no pile had been measured.\n\n"
+        f"With a more accurate simulator, ten measured piles would determine {KIND[NARROWEST]} (`{NARROWEST}`) more precisely. By "
+        f"default we assume that the angle and the height of a simulated pile are wrong by {pooled.size}. With one of our smaller "
+        f"estimates of this error, {secant.size}, the 95 % interval of `{NARROWEST}` is only {secant.narrowest} as wide as without "
+        f"any measured pile. With a perfect simulator, it would be {exact.narrowest} as wide.\n"
         f"The intervals of the other five parameters, however, keep {exact.others} of their width even with a perfect simulator. "
         "You need other measurements for these five in any case.\n"
     )
@@ -463,10 +463,11 @@ def bounds():
         "bound, better ones may lie beyond it.\n"
         f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries, "
         f"and the answer lies {100 * distance:.0f} % of the range above this bound.\n\n"
-        "We took the lower bound of `mus_gg`, the static friction between berries, from the article (Table 2), and it may have "
-        "kept better solutions out of the search. To find out, we made another run, `wider`, which also simulated parameter sets "
-        "below this bound. They meet both targets [about as often](results.md#five-runs-five-parameter-sets) as sets above it, "
-        "so values below the bound are possible, too.\n"
+        "The lower bound of `mus_gg`, the static friction between berries, is that of the goji berry article (Ji et al. 2026, "
+        "Table 2). It may have prevented the search from reaching better solutions. To test this, we repeated the calibration with "
+        "a wider range of `mus_gg`, in the run `wider`. Parameter sets below the published bound meet both targets, the angle and "
+        "the height of the pile, [about as often](results.md#five-runs-five-parameter-sets) as sets above it. "
+        "So values below the bound are possible, too.\n"
     )
 
 
@@ -1062,9 +1063,9 @@ def pours_for_a_percent():
     noise = DEFAULT.table("noise/noise.csv").set_index("response")
     pours = noise["seeds_for_1_percent"].astype(int)
     return (
-        f"To know the mean of the simulated piles with a standard error of 1 %, for example, you need {pours[ANGLE]} piles for "
-        f"the angle but only {pours[HEIGHT]} for the height. If the mean must lie within 1 % of the true one with a probability "
-        "of 90 %, you need 2.7 times as many.\n"
+        "To estimate the mean of simulated piles of goji berries with a standard error of 1 %, for example, you need "
+        f"{pours[ANGLE]} piles for the angle but only {pours[HEIGHT]} for the height. If the estimated mean must lie within 1 % of "
+        "the true mean with a probability of 90 %, you need 2.7 times as many of each.\n"
     )
 
 
@@ -1107,15 +1108,16 @@ def information():
     secant = by_line.loc["secant"]
     size = size_of(by_line.loc["all six"])
     return (
-        "The ten measured piles of goji berries reveal little about the contact parameters. We measure this in bits, where one "
-        f"bit halves the possible range. With the default error of the simulator, {size}, the piles give {total:.2f} bits about "
-        "all six parameters together. "
-        f"The largest share, {bits[most]:.2f} bits, belongs to `{most}`, {KIND[most]}, which probably lies in the {half} half of "
-        f"its range. Each of the other five gains at most {bits.drop(most).max():.2f} bits.\n\n"
-        "If the simulator is more accurate, the same measured piles reveal more about the contact parameters. With an assumed "
-        f"error of {size_of(secant)} instead of {size}, they give {secant['information_bits']:.1f} bits about all six parameters "
-        f"together instead of {total:.2f}, where one bit halves the possible range. Of these, {secant[f'{most}_bits']:.1f} bits "
-        f"belong to `{most}`, {KIND[most]}.\n"
+        "The ten measured piles of goji berries reveal little about the contact parameters. The information is measured in bits, "
+        "where one bit halves the possible range of a parameter. With the default error of the simulator, "
+        f"{size}, the piles give {total:.2f} bits of information about all six parameters together. They reveal most about "
+        f"{KIND[most]} (`{most}`), {bits[most]:.2f} bits, and this parameter probably lies in the {half} half of its range. About "
+        f"each of the other five parameters, they give at most {bits.drop(most).max():.2f} bits.\n\n"
+        "If we assume a more accurate simulator, the ten measured piles of goji berries reveal more about the contact parameters. "
+        f"With the default error of the simulator, {size}, they give {total:.2f} bits of information about all six parameters "
+        f"together. With an error of {size_of(secant)}, this rises to {secant['information_bits']:.1f} bits. About "
+        f"{KIND[most]} (`{most}`) alone, the piles then give {secant[f'{most}_bits']:.1f} bits, where one bit halves the range in "
+        "which the parameter may lie.\n"
     )
 
 
@@ -1193,26 +1195,28 @@ def shape_study_discrepancy():
     secant = eligible[eligible["definition"] == "secant"]
     angle_sd, height_sd = secant[["aor_difference_deg", "height_difference_mm"]].std()
     return (
-        f"To estimate the error of our simulator, we compared the piles of {models} plausible models of the goji berry. The angle "
-        "of a pile depends on the line that is drawn along its side, so we measured it along six different lines. Each "
-        "combination of a model and a line counts as one possible simulator. The standard deviation between these simulators is "
-        f"{size_of(pooled)}, with a correlation of {pooled['discrepancy_correlation']:.2f} between angle and Height. The program "
-        "uses these values as the default discrepancy, its estimate of the error.\n\n"
-        "Our estimate of the simulator's error is a weighted one, because not all combinations of a model and a line are equally "
-        "plausible. The closer the piles of a combination are to those that the article simulated, the larger is its weight, "
-        "exp(-d²/2), where d is the distance in standard deviations. "
-        f"As a result, lines from foot to crest (secant) carry {100 * shares['secant']:.0f} % of the weight, and lines along the "
-        f"steepest part of a side {100 * shares['steepest']:.0f} %. The models together are worth as much as "
-        f"{posterior['discrepancy_models']:.1f} equally weighted ones.\n\n"
+        f"To estimate the error of our simulator, we simulated piles with {models} plausible models of the goji berry. A model is a "
+        "shape of the particle, a contact law and a way of pouring. The angle of a pile depends on the line that is "
+        "drawn along its side, so we measured it along six different lines. We treat each model, measured along one line, as one "
+        f"possible simulator. The standard deviation of the piles of all these simulators is {size_of(pooled)}. The deviations of "
+        f"angle and height have a correlation of {pooled['discrepancy_correlation']:.2f}. The program uses these values as the "
+        "default error of the simulator, called the discrepancy.\n\n"
+        "In our estimate of the simulator's error, some models of the goji berry count more than others, because not all are "
+        "equally plausible. Each model is combined with one of six lines along which the angle of a pile is measured. If the piles "
+        "of such a combination are close to those that the goji berry article (Ji et al. 2026) simulated, it has a large weight. "
+        "The weight is exp(-d²/2), where d is the distance between both piles in standard deviations. "
+        f"As a result, combinations with the line from foot to crest (secant) have {100 * shares['secant']:.0f} % of the weight, and "
+        f"those with the steepest part of a side {100 * shares['steepest']:.0f} %. The effective number of combinations is "
+        f"{posterior['discrepancy_models']:.1f}: an estimate from so many with equal weights would be as reliable.\n\n"
         "This estimate of the simulator's error, the discrepancy, has four weaknesses:\n\n"
         "- It contains the scatter between lines, although a study compares piles by one line only. By most lines alone, the "
         f"angles of the models scatter by {lines.min():.1f} to {lines.max():.1f}°, by the line along the steepest part by "
         f"{by_line.loc['steepest', 'aor_sd_deg']:.1f}°. The line that we calibrate with was not among the six.\n"
-        "- The models use the article's parameter sets. So they show how much a pile changes with the model, and not the error "
-        "that is left after each model has been calibrated.\n"
+        "- The models use the parameter sets of the goji berry article. So they show how much a pile changes with the model, and not "
+        "the error that is left after each model has been calibrated.\n"
         "- The weights compare the models with the article's single simulated piles, and not with real ones. Without weights the "
         f"models scatter more (by the secant, {angle_sd:.1f}° and {height_sd:.1f} mm), "
-        "because some ways of filling make much lower piles.\n"
+        "because some ways of pouring give much lower piles.\n"
         "- The models were simulated with [earlier contact laws](results.md#which-results-are-of-which-line-and-laws).\n"
     )
 
@@ -1225,8 +1229,9 @@ def open_region():
     excluded = int((region["share"] == 0).sum())
     cells = "none is" if excluded == 0 else f"{excluded} of {len(region)} are"
     return (
-        f"For the goji berry, history matching rules out little: {100 * share:.0f} % of the searched space remains possible, with "
-        f"the default error of the simulator. Of the cells in the figure, {cells} ruled out:\n"
+        "For the goji berry, history matching (a method that rules out parameter sets far from the measurement) excludes little. "
+        f"With the default error of the simulator, {100 * share:.0f} % of the searched space remains possible. Of the cells in the "
+        f"figure, {cells} ruled out:\n"
     )
 
 
@@ -1298,10 +1303,10 @@ def most_sensitive():
         f"Of all parameters, {KIND[most]}, `{most}`, has the largest effect on the pile. If all parameters vary over the searched "
         f"ranges, this one alone explains {with_interval(ANGLE)} of the variance of the angle. For the Height, it explains "
         f"{with_interval(HEIGHT)}. {direction(most)}\n\n"
-        f"The other parameters affect the pile less than `{most}`. Second in importance for the angle is {KIND[next_angle]}, "
-        f"`{next_angle}`, which explains {share(ANGLE, next_angle)} of the variance. For the Height it is {KIND[next_height]}, "
-        f"`{next_height}`, which explains {share(HEIGHT, next_height)}. The least important parameter is {KIND[least]}, "
-        f"`{least}`. {direction('mus_gg')}\n"
+        f"All other parameters affect the pile of goji berries less than {KIND[most]}. For the angle of the pile, the second most "
+        f"important parameter is {KIND[next_angle]} (`{next_angle}`), which explains {share(ANGLE, next_angle)} of the variance. "
+        f"For the height, it is {KIND[next_height]} (`{next_height}`), which explains {share(HEIGHT, next_height)}. "
+        f"The least important parameter is {KIND[least]} (`{least}`). {direction('mus_gg')}\n"
     )
 
 
@@ -1505,11 +1510,14 @@ def effect_of_friction():
         cells.append(f"{slopes[place]:+.1f} ± {error:.1f}{unit}")
     height, angle, straightest, whole, secant = cells
     return (
-        "In the run `goji_berry`, too, more static friction between berries, `mus_gg`, makes the piles flatter. From the lower to "
-        f"the upper end of its range, the angle along the default line changes by {angle}, and the height by {height} (a linear "
-        f"fit to all {len(samples)} samples).\n"
-        f"The angle along other lines changes less: by {straightest} along the straightest part of a side, by {whole} along the "
-        f"whole side, and by {secant} from foot to crest.\n"
+        "The run `goji_berry`, our calibration with the default settings, also shows that more static friction between berries "
+        f"(`mus_gg`) makes the piles flatter but slightly higher. If this friction rises from the lower to the upper end of its "
+        f"range, the angle changes by {angle} and the height by {height}. These numbers come from a linear fit to all "
+        f"{len(samples)} simulated parameter sets. The angle is measured along the side of the pile, between 30 and 80 % of its "
+        "height, which is the default.\n\n"
+        "More static friction between berries changes the angle less if it is measured along other lines than the default. From "
+        f"the lower to the upper end of the friction's range, the angle along the straightest part of a side changes by "
+        f"{straightest}. Along the whole side it changes by {whole}, and along the line from foot to crest (secant) by {secant}.\n"
     )
 
 
