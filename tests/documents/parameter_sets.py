@@ -1195,10 +1195,10 @@ def shape_study_discrepancy():
     secant = eligible[eligible["definition"] == "secant"]
     angle_sd, height_sd = secant[["aor_difference_deg", "height_difference_mm"]].std()
     return (
-        f"To estimate the error of our simulator, we simulated piles with {models} plausible models of the goji berry. A model is a "
-        "shape of the particle, a contact law and a way of pouring. The angle of a pile depends on the line that is "
-        "drawn along its side, so we measured it along six different lines. We treat each model, measured along one line, as one "
-        f"possible simulator. The standard deviation of the piles of all these simulators is {size_of(pooled)}. The deviations of "
+        f"To estimate the error of our simulator, we simulated piles with {models} plausible models of the goji berry. A model "
+        "combines a shape of the particle, a rule on whether contacts may pull, and a way of pouring. The angle of a pile depends on "
+        "the line that is drawn along its side, so we measured it along six different lines. We treat each model, measured along "
+        f"one line, as one possible simulator. The standard deviation of the piles of all these simulators is {size_of(pooled)}. The deviations of "
         f"angle and height have a correlation of {pooled['discrepancy_correlation']:.2f}. The program uses these values as the "
         "default error of the simulator, called the discrepancy.\n\n"
         "In our estimate of the simulator's error, some models of the goji berry count more than others, because not all are "
