@@ -1051,8 +1051,8 @@ def noise_of_pours():
         "",
         "scatter within a sample",
         "spread between samples",
-        "share of the variance between",
-        "best R², single pours",
+        "fraction of the variance between",
+        "best R², single piles",
         "best R², means of six",
     ]
     return markdown(head, rows)
