@@ -239,7 +239,7 @@ def answers():
         f"{100 * covered_share(DEFAULT, meeting, name):.0f} %" for name in PARAMETERS
     ]
     inside = (
-        f"share of the range spanned by the {len(meeting)} of {len(samples)} samples of `goji_berry` "
+        f"fraction of the range spanned by the {len(meeting)} of {len(samples)} samples of `goji_berry` "
         "that met both targets"
     )
     ranges = [
@@ -283,19 +283,23 @@ def five_runs():
     others = [run for run in RUNS if run != PAPER]
     least = min(probability_inside(run) for run in others)
     return (
-        "Each of our five calibrations ends with a check that simulates new piles with the calibrated parameters. In every check, "
-        "the mean angle is between 31 and 34°, and the mean Height is between 64 and 69 mm.\n"
-        "Because each mean comes from a limited number of piles, the true means could still be outside these ranges. In "
-        f"{len(others)} of the five runs, both are inside with a probability of at least {least:.2f}. In the run "
-        f"`paper`, whose check consists of only eight piles, this probability is {unsure:.2f}. We therefore call its verdict "
-        "[undecided](glossary.md).\n\n"
-        "Different contact parameters can produce the same pile. The runs `goji_berry` and `fast` show this, because they search "
-        "the same model independently of each other. Both meet the targets, although their parameters differ by "
-        f"{largest_difference(fast, DEFAULT)} of the searched ranges. A third run of this model, `wider`, searches a wider range "
-        f"of `mus_gg`, and its answer differs from that of `goji_berry` by {largest_difference(WIDER, DEFAULT)}.\n\n"
-        "The five runs are not five independent repetitions of one calibration. The run `refined` continues `goji_berry`, so the "
-        f"parameters of these two differ by only {largest_difference(refined, DEFAULT)} of the ranges. The runs `paper` and "
-        "`matched` use a different particle and a different contact law.\n"
+        "Each of our five calibrations of the goji berry ends with a check, which simulates new piles with the calibrated "
+        "parameters. In all five checks, the mean angle is inside its target range of 31 to 34°, and the mean pile height is "
+        "inside its target range of 64 to 69 mm.\n\n"
+        "A check has a limited number of piles, so the true means could still be outside the target ranges. For each run "
+        f"except `paper`, both true means are inside with a probability of at least {least:.2f}. The run `paper`, which has the "
+        f"settings of the article, checks its answer with only eight piles. Its probability is {unsure:.2f}, and the program "
+        "calls such a result [undecided](glossary.md).\n\n"
+        "Different contact parameters can produce the same pile. Two of our calibrations show this: `goji_berry`, which has "
+        "the default settings, and `fast`, which needs fewer piles. Both use the same simulation model, but they search it "
+        "independently of each other. Both answers meet the targets, although their parameters differ by "
+        f"{largest_difference(fast, DEFAULT)} of the searched ranges.\n"
+        "A third calibration of this model, `wider`, searches a wider range of the static friction `mus_gg`. Its answer "
+        f"differs from that of `goji_berry` by {largest_difference(WIDER, DEFAULT)} of the ranges.\n\n"
+        "Our five calibrations of the goji berry are not five independent repetitions. The run `refined` continues the run "
+        "`goji_berry` with more piles, so their answers are similar: each parameter differs by at most "
+        f"{largest_difference(refined, DEFAULT).rpartition(' to ')[2]} of its range. The runs `paper` and `matched` simulate a "
+        "different particle with a different contact law.\n"
     )
 
 
@@ -392,16 +396,16 @@ def open_intervals():
     """How wide the intervals stay, with the discrepancy of each number."""
     pooled, secant, exact = open_shares()
     return (
-        "The ten measured piles of goji berries hardly narrow the 95 % intervals of the contact parameters. How much they narrow "
-        "them depends on the error that we assume for the simulator, called the [discrepancy](#the-discrepancy). By default it is "
-        f"{pooled.size} for the angle and the height of a pile. With this error, the width of each interval is {pooled.all} of "
-        "what it would be if no pile had been measured.\n\n"
-        f"With a more accurate simulator, ten measured piles would determine {KIND[NARROWEST]} (`{NARROWEST}`) more precisely. By "
-        f"default we assume that the angle and the height of a simulated pile are wrong by {pooled.size}. With one of our smaller "
-        f"estimates of this error, {secant.size}, the 95 % interval of `{NARROWEST}` is only {secant.narrowest} as wide as without "
-        f"any measured pile. With a perfect simulator, it would be {exact.narrowest} as wide.\n"
-        f"The intervals of the other five parameters, however, keep {exact.others} of their width even with a perfect simulator. "
-        "You need other measurements for these five in any case.\n"
+        "Ten measured piles of goji berries hardly narrow the 95 % intervals of the contact parameters. How much they narrow "
+        "them depends on the error that we assume for the simulator, the [discrepancy](#the-discrepancy). By default, it is "
+        f"{pooled.size} for the angle and the height of a pile. Each interval then keeps {pooled.all} of the width that it has "
+        "without the measured piles.\n\n"
+        f"With a more accurate simulator, ten measured piles would determine `{NARROWEST}`, {KIND[NARROWEST]}, more precisely. "
+        f"By default, we assume an error of {pooled.size} for the simulated angle and height. With one of our smaller estimates "
+        f"of this error, {secant.size}, the 95 % interval of `{NARROWEST}` keeps {secant.narrowest} of the width that it has "
+        f"without the measured piles. With a perfect simulator, it would keep {exact.narrowest}.\n"
+        f"The intervals of the other five parameters, however, keep {exact.others} of their width even with a perfect "
+        "simulator. You need other measurements for these five in any case.\n"
     )
 
 
@@ -417,30 +421,35 @@ def design():
     # Between the smallest and the largest of n points drawn evenly from a range.
     random_share = (len(meeting) - 1) / (len(meeting) + 1)
     return (
-        "Many different parameter sets reproduce the measured pile, so the pile alone cannot tell us which of them is right. "
-        "Before its search, a run simulates parameter sets that are spread over the searched ranges, its samples. "
-        f"In the run `goji_berry`, {len(meeting)} of {len(samples)} samples met both targets.\n"
-        f"From the smallest to the largest value, these {len(meeting)} samples cover between {100 * shares[least]:.0f} % of a "
-        f"range (for `{least}`) and {100 * shares[most]:.0f} % (for `{most}`). The same number of random points would cover about "
-        f"{100 * random_share:.0f} % of each range, so for most parameters the pile excludes hardly anything.\n\n"
-        "Some samples meet the targets only by chance. In the run `goji_berry`, a sample is a parameter set for which six piles "
-        f"were simulated, and a mean of six piles still has a standard error of {noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm, "
-        "because single piles scatter more elsewhere in the ranges than near the answer. "
-        "The neural network, which is fitted to all samples together, smooths out this scatter.\n"
-        f"According to the network, {len(predicted)} samples meet both targets. In the simulations, {len(both)} of these "
-        f"{len(predicted)} did. These {len(predicted)} samples cover only "
-        f"{100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`, the parameter that the "
-        "pile limits most.\n\n"
-        "How much do ten measured piles reveal about each parameter? A statistical analysis answers this with a 95 % interval for "
-        "each parameter. The interval becomes wider if we assume that the simulator itself has a larger error, called the "
-        f"discrepancy. With our default for this error, {pooled.size} for angle and Height, each of the six intervals is still "
-        f"{pooled.all} as wide as it would be without any measurement. The piles therefore hardly narrow them.\n\n"
-        "The more accurate the simulator is, the more the same ten piles reveal. "
-        f"If its error were only {secant.size}, the 95 % interval of `{NARROWEST}`, {KIND[NARROWEST]}, would shrink to "
-        f"{secant.narrowest} of its width without a measurement. With a perfect simulator, it would shrink to {exact.narrowest}. "
-        f"The intervals of the other five parameters would keep at least {exact.others.split()[0]} % of their width even then.\n"
-        f"The pile thus leaves five of the six parameters open, and how well it determines `{NARROWEST}` depends on the error of "
-        "the simulator, which is not well known.\n"
+        "Many different parameter sets reproduce the measured goji berry pile, so the pile alone cannot tell which of them is "
+        f"right. The run `goji_berry` shows this. It starts with {len(samples)} parameter sets, called samples, that are spread "
+        f"evenly over the searched ranges. Of these samples, {len(meeting)} met both targets, the angle and the height of the "
+        "pile.\n"
+        f"These {len(meeting)} samples differ widely. From the smallest to the largest value, they cover at least "
+        f"{100 * shares[least]:.0f} % of the range of each parameter (for `{least}`), and up to {100 * shares[most]:.0f} % (for "
+        f"`{most}`). For comparison, {len(meeting)} random values would cover about {100 * random_share:.0f} % of a range. For "
+        "most parameters, the targets therefore exclude hardly any values.\n\n"
+        "In the run `goji_berry`, some parameter sets meet the targets only by chance. The program simulates six piles for "
+        "each parameter set and uses their mean. On average over the searched ranges, this mean has a standard error of "
+        f"{noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. The error would be smaller near the answer, where single piles "
+        "scatter less.\n\n"
+        "A neural network, which is fitted to all parameter sets of the run `goji_berry` together, smooths out the random "
+        f"scatter of the piles. It predicts that {len(predicted)} of the sets meet both targets; in the simulations, "
+        f"{len(both)} of these {len(predicted)} did. The {len(predicted)} sets cover only "
+        f"{100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`, the parameter that the measured "
+        "pile constrains most.\n\n"
+        "A statistical analysis estimates how much ten measured goji berry piles reveal about the contact parameters. It gives "
+        "a 95 % interval for each parameter. These intervals become wider if we assume a larger error of the simulator itself, "
+        f"called the discrepancy. By default, we assume a discrepancy of {pooled.size} for angle and height. Each of the six "
+        f"intervals is then still {pooled.all} as wide as without any measurement, so the piles hardly narrow them.\n\n"
+        "The more accurate the simulator is, the more the ten measured goji berry piles reveal about the contact parameters. "
+        f"Suppose that the simulator had an error of only {secant.size} in angle and height. The 95 % interval of "
+        f"`{NARROWEST}`, {KIND[NARROWEST]}, would then be {secant.narrowest} as wide as without any measurement. With a perfect "
+        f"simulator, it would be {exact.narrowest} as wide.\n\n"
+        "The measured goji berry piles leave five of the six contact parameters open. Even with a perfect simulator, the 95 % "
+        f"intervals of these five would be at least {exact.others.split()[0]} % as wide as without any measurement. How well "
+        f"the piles determine the sixth parameter, `{NARROWEST}`, depends on the error of the simulator, which is not well "
+        "known.\n"
     )
 
 
@@ -459,21 +468,20 @@ def bounds():
     low, high = bounds_of(DEFAULT, "mus_gg")
     distance = (answer["mus_gg"] - low) / (high - low)
     return (
-        "A search finds solutions only inside the searched ranges. If many of them lie at the end of a range, which is called a "
-        "bound, better ones may lie beyond it.\n"
-        f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries, "
-        f"and the answer lies {100 * distance:.0f} % of the range above this bound.\n\n"
-        "The lower bound of `mus_gg`, the static friction between berries, is that of the goji berry article (Ji et al. 2026, "
-        "Table 2). It may have prevented the search from reaching better solutions. To test this, we repeated the calibration with "
-        "a wider range of `mus_gg`, in the run `wider`. Parameter sets below the published bound meet both targets, the angle and "
-        "the height of the pile, [about as often](results.md#five-runs-five-parameter-sets) as sets above it. "
-        "So values below the bound are possible, too.\n"
+        "A search finds solutions only inside the searched ranges. The ends of a range are called its bounds. If many "
+        "solutions lie at a bound, better solutions may lie beyond it.\n"
+        f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries. The answer itself, the "
+        f"parameter set that the run proposes, lies above this bound by {100 * distance:.0f} % of the range.\n\n"
+        "The run `wider` tests whether the lower bound of `mus_gg`, the static friction between berries, excluded better "
+        "solutions. We took this bound from the goji berry article (Table 2 of Ji et al. 2026). The run `wider` also simulated "
+        "parameter sets below the bound. They meet both targets, the angle and the height of the pile, [about as "
+        "often](results.md#five-runs-five-parameter-sets) as sets above it. Values below the bound are therefore possible, too.\n"
     )
 
 
 def wider_run():
     """What the run with a wider range of mus_gg found beyond the article's bound."""
-    old_low, _ = bounds_of(DEFAULT, "mus_gg")
+    old_low, old_high = bounds_of(DEFAULT, "mus_gg")
     low, high = bounds_of(WIDER, "mus_gg")
     samples, meeting = meeting_samples(WIDER)
     beyond = samples["mus_gg"] < old_low
@@ -487,16 +495,18 @@ def wider_run():
     ]
     chance = stats.fisher_exact(counts).pvalue
     return (
-        "Are there solutions below the article's lower bound for the static friction `mus_gg`? To find out, we ran the study once "
-        f"more, as `wider`, with a range of {low:g} to {high:g} instead of one that begins at {old_low:g}. This run simulated two "
-        "piles for each parameter set (sample).\n"
-        f"Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} samples meet both targets; above it, "
-        f"{(~meeting_beyond).sum()} of {(~beyond).sum()} do. A difference of this size can easily arise by chance (Fisher's exact "
-        f"test, p = {chance:.2f}), so nothing indicates that the solutions end at the article's bound.\n\n"
-        "The run `wider` could search far below the article's lower bound for `mus_gg`. Its search nevertheless ended near this "
-        f"bound of {old_low:g}: its {len(solutions)} solutions have a `mus_gg` of {span}.\n"
-        f"New piles that were simulated with its answer have an angle of {check[ANGLE][0]} "
-        f"and a Height of {check[HEIGHT][0]}, so they meet both targets.\n"
+        "The run `wider` tests whether there are solutions below the lower bound that the goji berry article (Ji et al. 2026) "
+        f"uses for `mus_gg`, the static friction between berries. It searches this parameter from {low:g} to {high:g} instead "
+        f"of from {old_low:g} to {old_high:g}, and simulates two piles for each parameter set.\n\n"
+        "In the run `wider`, parameter sets below the article's bound of `mus_gg` meet the targets about as often as those "
+        f"above it. Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} sets meet both targets; above it, "
+        f"{(~meeting_beyond).sum()} of {(~beyond).sum()} do. A difference of this size can easily arise by chance (Fisher's "
+        f"exact test, p = {chance:.2f}). The test thus gives no sign that good parameter sets end at the bound.\n\n"
+        f"In the run `wider`, the search could choose values of `mus_gg` far below the bound of {old_low:g} that the goji berry "
+        f"article (Ji et al. 2026) uses. It nevertheless ended near this bound: the {len(solutions)} solutions that it kept "
+        f"have a `mus_gg` of {span}.\n"
+        f"New piles simulated with the answer of this run have an angle of {check[ANGLE][0]} and a height of "
+        f"{check[HEIGHT][0]}. The answer therefore meets both targets, 31 to 34° and 64 to 69 mm.\n"
     )
 
 
@@ -519,17 +529,18 @@ def common_parameters(run):
 
 def overlaps():
     """In how many parameters each search's solutions overlap the article's Table 3."""
-    counts = {run.name: len(common_parameters(run)[0]) for run in RUNS if run.solutions}
-    apart = [name for name, count in counts.items() if count == 0]
-    without = [run.name for run in RUNS if run.solutions is None]
-    common = [
-        f"in {name}, {count} of them do" for name, count in counts.items() if count
+    counts = [
+        f"{len(common_parameters(run)[0])} in {run.name}"
+        for run in RUNS
+        if run.solutions
     ]
+    without = [run.name for run in RUNS if run.solutions is None]
     return (
-        "Our searches and the article's end with 90 solutions each, which are parameter sets predicted to meet the targets. Do they "
-        "find the same values? For each parameter, we compared the interval from the smallest to the largest value of our solutions "
-        f"with that of the article's Table 3. In the run {listed(apart)}, none of the six intervals overlaps the article's; "
-        f"{listed(common)}. The runs {listed(without)} use another kind of search and have no list of 90 solutions.\n"
+        "We compared our solutions with those of the goji berry article by Ji et al. 2026. In both studies, a solution is a "
+        "parameter set that is predicted to meet the targets, and a search keeps 90 of them. For each of the six parameters, "
+        "we checked whether our interval, from the smallest to the largest value, overlaps the interval in the article's Table "
+        f"3. The number of parameters whose intervals overlap is {listed(counts)}. The runs {listed(without)} use another kind "
+        "of search and have no list of 90 solutions.\n"
     )
 
 
@@ -670,24 +681,26 @@ def published_verdict():
     # A pour of the article is taken to scatter as ours do.
     pour = (sets[f"{ANGLE}_se"] * np.sqrt(sets["pours"])).mean()
     return (
-        f"Do the article's {len(sets)} parameter sets meet its targets in our simulator? For the angle, the answer depends on "
-        "where on the pile we measure it. Along the flank, which is the line that we calibrate with, "
-        f"{inside[ANGLE].sum() or 'none'} of the {len(sets)} sets have a mean angle inside the target range of {low:g} to {high:g}°. "
-        f"Of these sets, {clear.sum()} are below the range by more than two standard errors.\n"
+        f"We simulated the {len(sets)} parameter sets of the goji berry article (Ji et al. 2026) to see whether they meet its "
+        "targets in our simulator. For the angle, the result depends on the line along which it is measured. We calibrate with "
+        f"the flank, the side of the pile between 30 and 80 % of its height. Along the flank, {inside[ANGLE].sum() or 'none'} "
+        f"of the {len(sets)} sets has a mean angle inside the target range of {low:g} to {high:g}°; {clear.sum()} sets are "
+        "below it by more than two standard errors.\n"
         f"Along the straightest part of a side, {inside[STRAIGHTEST].sum()} sets are inside the range, and the remaining one is "
-        "just below it "
-        f"({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
-        f"The height is no problem: for {height_inside.sum()} of the article's {len(sets)} sets, our mean Height is inside the "
-        f"target range of {height_range[0]:g} to {height_range[1]:g} mm.\n\n"
-        "With the article's parameters, our piles come out flatter than its own. The article reports a simulated angle for "
-        f"{count} of its sets, each from a single pile. On average over these sets, our angle is smaller by "
-        f"{with_error(flatter, error)}° if measured along the flank, and by {with_error(straight, straight_error)}° if measured "
-        "along the straightest part of a side.\n\n"
-        "Our piles are probably flatter than the article's, but this is not certain. The standard errors above come from the scatter "
-        f"of only {count} differences, and may be too small. If the article's single piles scatter by {pour:.1f}°, as ours do, the "
-        f"mean difference has a standard error of {pour / np.sqrt(count):.1f}°, so it may be chance.\n\n"
-        "A calibration by the flank removes the difference between our piles and the article's, because it changes the parameters "
-        "until the angle fits.\n"
+        f"just below it ({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
+        "Unlike their angles along the flank, the heights of the simulated piles meet the target of the goji berry article. For "
+        f"{height_inside.sum()} of its {len(sets)} parameter sets, the mean height in our simulator is inside the target range "
+        f"of {height_range[0]:g} to {height_range[1]:g} mm.\n\n"
+        "With the same contact parameters, our simulated piles are flatter than those in the goji berry article (Ji et al. "
+        f"2026). The article reports a simulated angle for {count} of its parameter sets, each from a single pile. On average "
+        f"over these sets, our angle is smaller by {with_error(flatter, error)}° along the flank, and by "
+        f"{with_error(straight, straight_error)}° along the straightest part of a side.\n\n"
+        "It is probable, but not certain, that our simulator gives flatter piles than the simulator of the goji berry article. "
+        f"The standard errors of the mean difference between the two come from the scatter of only {count} parameter sets, so "
+        f"they may be too small. If the article's single piles scatter by {pour:.1f}°, as ours do, the mean difference has a "
+        f"standard error of {pour / np.sqrt(count):.1f}°. The difference may then be due to chance.\n\n"
+        "A calibration removes this difference between our piles and those of the goji berry article, because it changes the "
+        "contact parameters until the angle along the flank fits.\n"
     )
 
 
@@ -700,12 +713,12 @@ def first_draw():
     pours = int(first["n_seeds"])
     all_pours = poured_published_sets().loc["representative"]
     return (
-        "A small number of simulated piles can agree with a target by chance. This happened with the article's representative "
-        f"parameter set. Of its first twelve piles in our simulator, {pours} came to rest, and their means met both targets: "
-        f"{with_error(first['aor_flank_deg'], first['aor_flank_se_deg'])}° and "
-        f"{with_error(first['height_mm'], first['height_se_mm'])} mm. "
-        f"When we simulated more piles, the mean angle of all {all_pours['pours']} that came to rest was only "
-        f"{with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°, which misses the target.\n"
+        "A small number of simulated piles can agree with a target by chance. This happened with the representative parameter "
+        f"set of the goji berry article (Ji et al. 2026). Of its first twelve piles in our simulator, {pours} came to rest. "
+        f"Their means met both targets: {with_error(first['aor_flank_deg'], first['aor_flank_se_deg'])}° and "
+        f"{with_error(first['height_mm'], first['height_se_mm'])} mm. When we simulated more piles, the mean angle of all "
+        f"{all_pours['pours']} that came to rest was only {with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°, which "
+        "misses the target.\n"
     )
 
 
@@ -927,13 +940,16 @@ def drum():
     ours = runs[runs["case"] == "our answer"]
     again = mean_with_error(ours["before_turned_deg"])
     return (
-        "With the contact parameters from the run `goji_berry`, the bed of berries in our simulated drum first slips when the drum "
-        f"has turned by {means['before_turned_deg']}°. By then the surface of the bed has tilted to "
-        f"{means['before_surface_deg']}°; after the slip its slope is {means['after_surface_deg']}°.\n\n"
-        "Other simulations of our drum also show a late slip. Six further ones with the parameters of `goji_berry` slip at "
-        f"{again}° on average. With the parameters of the run `matched` the slip comes at "
-        f"{drum_means(MATCHED)['before_turned_deg']}°, and with those of `paper` at {drum_means(PAPER)['before_turned_deg']}° "
-        "(a single simulation). None of these is near the 27° that follow from the times in the article.\n"
+        "With the contact parameters from our default calibration, the run `goji_berry`, the bed of berries in our simulated "
+        f"drum first slips when the drum has turned by {means['before_turned_deg']}°. Just before the slip, the surface of the "
+        f"bed has a slope of {means['before_surface_deg']}°; after the slip, its slope is {means['after_surface_deg']}°. "
+        "This is much later than in the goji berry article (Ji et al. 2026), "
+        "whose times imply a slip after 27° of rotation.\n\n"
+        "Other simulations of our drum also slip later than the drum of the goji berry article (Ji et al. 2026), whose times "
+        "imply a rotation of 27°. In six further simulations with the parameters of our default calibration, `goji_berry`, the "
+        f"bed slips after {again}° on average. With the parameters of the run `matched`, which has another particle and contact "
+        f"law, it slips after {drum_means(MATCHED)['before_turned_deg']}°. With those of `paper`, which has the article's "
+        f"settings, it slips after {drum_means(PAPER)['before_turned_deg']}° (a single simulation).\n"
     )
 
 
@@ -978,19 +994,19 @@ def optimism():
     typical_error = others["aor_se_deg"].mean()
     mean_found = with_error(found_others.mean(), typical_error / np.sqrt(len(others)))
     return (
-        "The predicted angle of an answer may be too large, and the program estimates this bias. For the answer of the run "
-        f"`goji_berry`, its estimate is {expected_answer}. New piles with this answer were indeed flatter than predicted, by "
-        f"{found_answer}°, so here the estimate agrees with the simulation within the uncertainty.\n\n"
-        f"The check of the run `goji_berry` also simulated {len(others)} other parameter sets that its search had found. For these "
-        f"sets, the program estimated that the predicted angles were too large by {expected.mean():.1f}° on average (the expected "
-        f"optimism). In the simulation, they were too large by {mean_found}°, so the estimate explains only part of the error. "
-        f"For the individual sets, the error was {found_others.min():.1f} to {found_others.max():.1f}°, with a standard error of "
-        f"about {typical_error:.1f}° each.\n\n"
-        f"The run `goji_berry` simulated its answer and other solutions of its search again, and {counted_flatter()} parameter sets "
-        "gave flatter piles than predicted. The same network predicted them all, so this points to a bias of the network in this "
-        "region of the parameters. The network reports a standard error of "
-        f"{posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}° for the angle in this region. The 95 % intervals of the "
-        "parameters allow for such a random error, but not for a bias. So check an answer with new piles before you use it.\n"
+        "The program estimates by how much the predicted angle of an answer is too large, and calls this the expected "
+        f"optimism. For the answer of our default calibration, the run `goji_berry`, the estimate is {expected_answer}. New "
+        f"piles simulated with this answer were flatter than predicted by {found_answer}°. The two values agree within their "
+        "errors, but this is a weak test, because the error of the new piles is much larger than the estimate.\n\n"
+        "The expected optimism, the program's estimate of how much a predicted angle is too large, explains only part of the "
+        f"error of our predictions. We tested this by simulating {len(others)} other solutions of the run `goji_berry`. The "
+        f"program expected their predicted angles to be too large by {expected.mean():.1f}° on average, but they were too large "
+        f"by {mean_found}°. For individual solutions, the difference was {found_others.min():.1f} to {found_others.max():.1f}°, "
+        f"with a standard error of about {typical_error:.1f}° each.\n\n"
+        f"When we simulated solutions of the run `goji_berry` again, the angles of {counted_flatter()} were smaller than "
+        "predicted. The same neural network made all these predictions, so it probably has a bias in the region of the "
+        f"solutions. The network reports a random error of {posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}° for the angle "
+        "in this region. The 95 % intervals of the parameters take this random error into account, but not the bias.\n"
     )
 
 
@@ -998,9 +1014,9 @@ def pours_of_default():
     """How many pours of the design of `goji_berry` came to rest."""
     summary = json.loads((KEPT / DEFAULT.folder / "dataset_summary.json").read_text())
     return (
-        f"The run `goji_berry` simulates six piles for each of {summary['samples']} parameter sets, {summary['runs']} in all. "
-        f"It uses the {summary['runs_ok']} piles that came to rest and leaves out those whose berries were still moving after "
-        "18 s.\n"
+        f"The run `goji_berry`, our calibration with the default settings, simulates six piles for each of {summary['samples']} "
+        f"parameter sets, {summary['runs']} in all. It uses the {summary['runs_ok']} piles that came to rest, and leaves out "
+        "those whose berries were still moving after 18 s.\n"
     )
 
 
@@ -1052,7 +1068,7 @@ def noise_of_pours():
         "scatter within a sample",
         "spread between samples",
         "fraction of the variance between",
-        "best R², single piles",
+        "best R², single pours",
         "best R², means of six",
     ]
     return markdown(head, rows)
@@ -1063,9 +1079,9 @@ def pours_for_a_percent():
     noise = DEFAULT.table("noise/noise.csv").set_index("response")
     pours = noise["seeds_for_1_percent"].astype(int)
     return (
-        "To estimate the mean of simulated piles of goji berries with a standard error of 1 %, for example, you need "
-        f"{pours[ANGLE]} piles for the angle but only {pours[HEIGHT]} for the height. If the estimated mean must lie within 1 % of "
-        "the true mean with a probability of 90 %, you need 2.7 times as many of each.\n"
+        "How many piles you need depends on how accurately you want to estimate their mean. For the goji berry, a standard "
+        f"error of 1 % needs {pours[ANGLE]} simulated piles for the angle, but only {pours[HEIGHT]} for the height. If the "
+        "estimate must lie within 1 % of the true mean with a probability of 90 %, you need 2.7 times as many piles.\n"
     )
 
 
@@ -1108,16 +1124,16 @@ def information():
     secant = by_line.loc["secant"]
     size = size_of(by_line.loc["all six"])
     return (
-        "The ten measured piles of goji berries reveal little about the contact parameters. The information is measured in bits, "
-        "where one bit halves the possible range of a parameter. With the default error of the simulator, "
-        f"{size}, the piles give {total:.2f} bits of information about all six parameters together. They reveal most about "
-        f"{KIND[most]} (`{most}`), {bits[most]:.2f} bits, and this parameter probably lies in the {half} half of its range. About "
-        f"each of the other five parameters, they give at most {bits.drop(most).max():.2f} bits.\n\n"
-        "If we assume a more accurate simulator, the ten measured piles of goji berries reveal more about the contact parameters. "
-        f"With the default error of the simulator, {size}, they give {total:.2f} bits of information about all six parameters "
-        f"together. With an error of {size_of(secant)}, this rises to {secant['information_bits']:.1f} bits. About "
-        f"{KIND[most]} (`{most}`) alone, the piles then give {secant[f'{most}_bits']:.1f} bits, where one bit halves the range in "
-        "which the parameter may lie.\n"
+        "The ten measured piles of goji berries give little information about the contact parameters. We measure information "
+        f"in bits, where one bit halves the possible range of a parameter. With the default error of the simulator, {size} for "
+        f"angle and height, the piles give {total:.2f} bits of information about all six parameters together. The largest part, "
+        f"{bits[most]:.2f} bits, concerns `{most}`, {KIND[most]}, which probably lies in the {half} half of its range. About "
+        f"each of the other five parameters, the piles give at most {bits.drop(most).max():.2f} bits.\n\n"
+        "If the simulator is more accurate, the ten measured goji berry piles give more information about the contact "
+        "parameters. Information is measured in bits, where one bit halves the possible range of a parameter. By default, we "
+        f"assume an error of {size} for angle and height, and the piles then give {total:.2f} bits about all six parameters together. With "
+        f"an error of {size_of(secant)}, they give {secant['information_bits']:.1f} bits. Of these, "
+        f"{secant[f'{most}_bits']:.1f} bits concern `{most}`, {KIND[most]}.\n"
     )
 
 
@@ -1195,29 +1211,27 @@ def shape_study_discrepancy():
     secant = eligible[eligible["definition"] == "secant"]
     angle_sd, height_sd = secant[["aor_difference_deg", "height_difference_mm"]].std()
     return (
-        f"To estimate the error of our simulator, we simulated piles with {models} plausible models of the goji berry. A model "
-        "combines a shape of the particle, a rule on whether contacts may pull, and a way of pouring. The angle of a pile depends on "
-        "the line that is drawn along its side, so we measured it along six different lines. We treat each model, measured along "
-        "one line, as one possible simulator. The standard deviation of the piles of all these simulators is "
-        f"{size_of(pooled)}. The deviations of angle and height have a correlation of "
-        f"{pooled['discrepancy_correlation']:.2f}. The program uses these values as the "
-        "default error of the simulator, called the discrepancy.\n\n"
-        "In our estimate of the simulator's error, some models of the goji berry count more than others, because not all are "
-        "equally plausible. Each model is combined with one of six lines along which the angle of a pile is measured. If the piles "
-        "of such a combination are close to those that the goji berry article (Ji et al. 2026) simulated, it has a large weight. "
-        "The weight is exp(-d²/2), where d is the distance between both piles in standard deviations. "
-        f"As a result, combinations with the line from foot to crest (secant) have {100 * shares['secant']:.0f} % of the weight, and "
-        f"those with the steepest part of a side {100 * shares['steepest']:.0f} %. The effective number of combinations is "
-        f"{posterior['discrepancy_models']:.1f}: an estimate from so many with equal weights would be as reliable.\n\n"
+        f"To estimate the error of our simulator, we compared the piles of {models} plausible models of the goji berry, which "
+        "differ in the particle, the contact law and the filling of the funnel. The angle of a pile depends on the line that "
+        "is drawn along its side, so we measured it along six lines. We treat each model with each line as one possible "
+        f"simulator. Between these simulators, angle and height have standard deviations of {size_of(pooled)}, with a "
+        f"correlation of {pooled['discrepancy_correlation']:.2f}. The program uses these values by default as the error of the "
+        "simulator, the discrepancy.\n\n"
+        "Our estimate of the simulator's error gives more weight to more plausible models of the goji berry. For each model "
+        "and each line along which the angle is measured, we compare our simulated piles with those of the goji berry article "
+        "(Ji et al. 2026). If they differ by d standard deviations, the weight is exp(-d²/2). As a result, the line from foot "
+        f"to crest (the secant) carries {100 * shares['secant']:.0f} % of the weight, and the line along the steepest part of a "
+        f"side {100 * shares['steepest']:.0f} %. The unequal weights make the models worth only as much as "
+        f"{posterior['discrepancy_models']:.1f} models of equal weight.\n\n"
         "This estimate of the simulator's error, the discrepancy, has four weaknesses:\n\n"
-        "- It contains the scatter between lines, although a study compares piles by one line only. By most lines alone, the "
-        f"angles of the models scatter by {lines.min():.1f} to {lines.max():.1f}°, by the line along the steepest part by "
-        f"{by_line.loc['steepest', 'aor_sd_deg']:.1f}°. The line that we calibrate with was not among the six.\n"
-        "- The models use the parameter sets of the goji berry article. So they show how much a pile changes with the model, and not "
-        "the error that is left after each model has been calibrated.\n"
-        "- The weights compare the models with the article's single simulated piles, and not with real ones. Without weights the "
-        f"models scatter more (by the secant, {angle_sd:.1f}° and {height_sd:.1f} mm), "
-        "because some ways of pouring give much lower piles.\n"
+        "- It contains the scatter between lines, although a study measures its piles along one line only. By most lines "
+        f"alone, the angles of the models scatter by {lines.min():.1f} to {lines.max():.1f}°, by the line along the steepest "
+        f"part by {by_line.loc['steepest', 'aor_sd_deg']:.1f}°. The line that we calibrate with was not among the six.\n"
+        "- The models use the parameter sets of the goji berry article (Ji et al. 2026). So they show how much a pile changes "
+        "with the model, and not the error that is left after each model has been calibrated.\n"
+        "- The weights compare the models with the article's single simulated piles, and not with real ones. Without weights "
+        f"the models scatter more (by the secant, {angle_sd:.1f}° and {height_sd:.1f} mm), because some ways of filling make "
+        "much lower piles.\n"
         "- The models were simulated with [earlier contact laws](results.md#which-results-are-of-which-line-and-laws).\n"
     )
 
@@ -1230,9 +1244,9 @@ def open_region():
     excluded = int((region["share"] == 0).sum())
     cells = "none is" if excluded == 0 else f"{excluded} of {len(region)} are"
     return (
-        "For the goji berry, history matching (a method that rules out parameter sets far from the measurement) excludes little. "
-        f"With the default error of the simulator, {100 * share:.0f} % of the searched space remains possible. Of the cells in the "
-        f"figure, {cells} ruled out:\n"
+        "History matching rules out parameter sets whose piles differ too much from the measured ones. For the goji berry, it "
+        f"rules out little: {100 * share:.0f} % of the searched space remains possible, with the default error of the "
+        f"simulator. Of the cells in the figure, {cells} ruled out:\n"
     )
 
 
@@ -1301,13 +1315,13 @@ def most_sensitive():
         return f"{share(target, most)} ({low:.0f} to {high:.0f} %)"
 
     return (
-        f"Of all parameters, {KIND[most]}, `{most}`, has the largest effect on the pile. If all parameters vary over the searched "
-        f"ranges, this one alone explains {with_interval(ANGLE)} of the variance of the angle. For the Height, it explains "
-        f"{with_interval(HEIGHT)}. {direction(most)}\n\n"
-        f"All other parameters affect the pile of goji berries less than {KIND[most]}. For the angle of the pile, the second most "
-        f"important parameter is {KIND[next_angle]} (`{next_angle}`), which explains {share(ANGLE, next_angle)} of the variance. "
-        f"For the height, it is {KIND[next_height]} (`{next_height}`), which explains {share(HEIGHT, next_height)}. "
-        f"The least important parameter is {KIND[least]} (`{least}`). {direction('mus_gg')}\n"
+        f"Of all contact parameters, `{most}`, {KIND[most]}, has the largest effect on the goji berry pile. If all parameters "
+        f"vary over the searched ranges, this one alone explains {with_interval(ANGLE)} of the variance of the angle. For the "
+        f"height, it explains {with_interval(HEIGHT)}. {direction(most)}\n\n"
+        f"The other contact parameters affect the goji berry pile less than `{most}`. The second most important one for the "
+        f"angle is `{next_angle}`, {KIND[next_angle]}, which explains {share(ANGLE, next_angle)} of the variance. For the height, "
+        f"it is `{next_height}`, {KIND[next_height]}, which explains {share(HEIGHT, next_height)}. The least important parameter "
+        f"is `{least}`, {KIND[least]}. {direction('mus_gg')}\n"
     )
 
 
@@ -1435,18 +1449,19 @@ def further_tests():
     ]
     return (
         f"{markdown(head, rows)}\n"
-        "Per hour of work, two kinds of measurement reveal most about the parameters. The first is to evaluate "
-        "[seven more numbers of the side in the same photographs](research/docs/second_responses.md). This takes "
-        f"{photographs['minutes']:.0f} minutes and yields {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits "
-        "if the simulator has an error of 2 %; each bit rules out half of the remaining possibilities. "
-        "The second is to measure the friction on the wall directly, which takes "
+        "Two kinds of measurement give the most information about the parameters per hour of work. The first evaluates "
+        "[seven more numbers of the pile's side](research/docs/second_responses.md) in the photographs that you already have. "
+        f"It takes {photographs['minutes']:.0f} minutes and yields "
+        f"{with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits if the simulator has an error of 2 %; each "
+        "bit rules out half of the remaining possibilities.\n"
+        "The second measures the friction between grain and wall directly. It takes "
         f"{by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and yields "
-        f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the error of the simulator. But these bits only help if your "
-        "machine depends on the friction on the wall: the pile itself hardly does.\n"
-        "\nOnly the first two rows of this table use the piles that were really measured. For the other rows, we computed "
-        "[synthetic measurements](research/docs/joint_targets.md) with an earlier version of the simulator. "
-        "We assumed that the result of a single direct test has a standard deviation of 0.03 for a restitution, 0.035 for a static "
-        "and 0.005 for a rolling friction. If your own tests scatter more, they will narrow the intervals less.\n"
+        f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the error of the simulator. These bits only help if your "
+        "machine depends on the friction on the wall. The pile itself hardly depends on it.\n"
+        "\nOnly the first two rows of this table use the measured piles of the experiment. For the other rows, we computed "
+        "[synthetic measurements](research/docs/joint_targets.md) with an earlier version of the simulator. For the result of a "
+        "single direct test, we assumed a standard deviation of 0.03 if it measures a restitution, 0.035 for a static friction "
+        "and 0.005 for a rolling friction. If your own tests scatter more, they will narrow the 95 % intervals less.\n"
     )
 
 
@@ -1458,16 +1473,17 @@ def left_open():
     angle_sd, height_sd = samples[[ANGLE, HEIGHT]].std()
     return (
         f"**With the error that we assume for the simulator, {pooled.size}, the measured piles determine none of the six "
-        "parameters.** This error is [estimated](docs/uncertainty.md#the-discrepancy) from how much the piles of plausible models "
-        f"of the berry differ. It is large: the {len(samples)} parameter sets that the run simulated first, all over the searched "
-        f"ranges, differ by a standard deviation of only {angle_sd:.1f}° and {height_sd:.1f} mm. With a perfect simulator, the "
-        f"piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of its width. Each of the other five intervals "
-        f"would keep {exact.others} of its width.\n\n"
-        f"Of the {len(samples)} parameter sets, {len(meeting)} ({100 * len(meeting) / len(samples):.0f} %) gave piles inside both "
-        f"target ranges, 31 to 34° and 64 to 69 mm. If we allow for the assumed error, "
+        "parameters.** We [estimated](docs/uncertainty.md#the-discrepancy) this error from the differences between plausible "
+        f"models of the berry. It is large: the piles of the {len(samples)} parameter sets that the run `goji_berry` simulated "
+        f"first, all over the searched ranges, have a standard deviation of only {angle_sd:.1f}° and {height_sd:.1f} mm.\n"
+        f"With a perfect simulator, the measured piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of "
+        f"its width. Each of the other five intervals would keep {exact.others} of its width.\n\n"
+        f"Of the {len(samples)} parameter sets that the run `goji_berry` simulated first, {len(meeting)} "
+        f"({100 * len(meeting) / len(samples):.0f} %) gave piles inside both target ranges, 31 to 34° and 64 to 69 mm. If we "
+        "allow for the error that we assume for the simulator, "
         f"[{100 * region:.0f} % of all combinations of parameters](docs/uncertainty.md#the-region-that-is-not-excluded) remain "
         "possible.\n\n"
-        "You should therefore use the six calibrated values only together, and only for piles like the measured one. "
+        "You should use the six calibrated values only together, and only for piles like the measured one. "
         "A pile alone does not give you parameters for a conveyor or a packing machine, but it shows "
         "[which further tests you need](#what-a-pile-leaves-open).\n"
     )
@@ -1484,10 +1500,9 @@ def equal_berries():
     changes = (unequal[columns] - equal[columns]).dropna()
     angle, height = (mean_with_error(changes[column]) for column in columns)
     return (
-        "**All 500 simulated berries are identical**: smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, the mean of fifty berries of "
-        "15 to 25 mm. "
-        "Real berries differ in size, but this hardly changes the pile: in "
-        f"{len(changes)} pairs of models, berries that differ in size like the fifty changed the angle by {angle}° and the Height "
+        "**All 500 simulated berries are identical.** Each is smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, which is the mean "
+        "of fifty berries of 15 to 25 mm. Real berries differ in size, but this hardly changes the pile. In "
+        f"{len(changes)} pairs of models, berries that differ in size like the fifty changed the angle by {angle}° and the height "
         f"by {height} mm.\n"
     )
 
@@ -1511,14 +1526,12 @@ def effect_of_friction():
         cells.append(f"{slopes[place]:+.1f} ± {error:.1f}{unit}")
     height, angle, straightest, whole, secant = cells
     return (
-        "The run `goji_berry`, our calibration with the default settings, also shows that more static friction between berries "
-        f"(`mus_gg`) makes the piles flatter but slightly higher. If this friction rises from the lower to the upper end of its "
-        f"range, the angle changes by {angle} and the height by {height}. These numbers come from a linear fit to all "
-        f"{len(samples)} simulated parameter sets. The angle is measured along the side of the pile, between 30 and 80 % of its "
-        "height, which is the default.\n\n"
-        "More static friction between berries changes the angle less if it is measured along other lines than the default. From "
-        f"the lower to the upper end of the friction's range, the angle along the straightest part of a side changes by "
-        f"{straightest}. Along the whole side it changes by {whole}, and along the line from foot to crest (secant) by {secant}.\n"
+        "In our default calibration, the run `goji_berry`, piles become flatter if the static friction between berries, "
+        "`mus_gg`, increases. From the lower to the upper end of its range, the angle along the flank, the line that we "
+        f"calibrate with, changes by {angle}. The height changes by {height} (a linear fit to all {len(samples)} samples).\n\n"
+        "How much the angle changes with `mus_gg`, the static friction between berries, depends on the line along which it is "
+        f"measured. Along lines other than the flank, it changes less: by {straightest} along the straightest part of a side, "
+        f"by {whole} along the whole side, and by {secant} from foot to crest.\n"
     )
 
 
