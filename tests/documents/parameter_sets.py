@@ -941,10 +941,9 @@ def drum():
     again = mean_with_error(ours["before_turned_deg"])
     return (
         "With the contact parameters from our default calibration, the run `goji_berry`, the bed of berries in our simulated "
-        f"drum first slips when the drum has turned by {means['before_turned_deg']}°. Just before the slip, the surface of the "
-        f"bed has a slope of {means['before_surface_deg']}°; after the slip, its slope is {means['after_surface_deg']}°. "
-        "This is much later than in the goji berry article (Ji et al. 2026), "
-        "whose times imply a slip after 27° of rotation.\n\n"
+        f"drum first slips when the drum has turned by {means['before_turned_deg']}°. This is much later than in the goji berry "
+        "article (Ji et al. 2026), whose times imply a slip after 27° of rotation. Just before the slip, the surface of our bed "
+        f"has a slope of {means['before_surface_deg']}°; after the slip, its slope is {means['after_surface_deg']}°.\n\n"
         "Other simulations of our drum also slip later than the drum of the goji berry article (Ji et al. 2026), whose times "
         "imply a rotation of 27°. In six further simulations with the parameters of our default calibration, `goji_berry`, the "
         f"bed slips after {again}° on average. With the parameters of the run `matched`, which has another particle and contact "
