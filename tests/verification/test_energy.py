@@ -86,7 +86,7 @@ def test_momentum(case, laws):
 
 @pytest.mark.slow
 def test_damped_hits(case, laws):
-    """No hit with e below 1 leaves with more energy than it came with.
+    """No impact with a restitution below 1 gains energy.
 
     The contacts have no rolling friction.
     """
@@ -104,7 +104,7 @@ def test_damped_hits(case, laws):
 
 @pytest.mark.slow
 def test_elastic_hits(case, laws):
-    """Elastic hits of grains gain some energy, at any time step, those of spheres none.
+    """Elastic impacts of grains gain some energy at any time step, of spheres none.
 
     R* changes when an ellipsoid turns during the contact, so the Hertz force is not
     exactly conservative. At a funnel R* jumps where the cone passes into its edge, and

@@ -37,7 +37,7 @@ def euler_solution(inertia, first, third, time):
 
 
 def test_free_rotation(case, laws):
-    """A grain that tumbles in space turns as Euler's equations predict."""
+    """A grain in free flight rotates as Euler's equations predict."""
     step = 2e-5
     every = 50
     # components of the angular velocity [rad/s]

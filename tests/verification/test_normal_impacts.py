@@ -114,7 +114,7 @@ def compare_with_published(case, name, history, force_kn, overlap_um, duration_u
 
 
 def test_two_equal_spheres(case, laws):
-    """Two elastic spheres of radius 10 mm meet at 10 m/s each (test 1): Hertz."""
+    """Two elastic spheres (R 10 mm, 10 m/s each) collide as Hertz predicts (test 1)."""
     for solid in (GLASS, LIMESTONE):
         history = pair_history(solid, 0.01, 20.0, **laws)
         compare_with_hertz(case, solid.name, history, hertz_of_pair(solid, 0.01, 20.0))
@@ -123,7 +123,7 @@ def test_two_equal_spheres(case, laws):
 
 
 def test_sphere_on_plane(case, laws):
-    """An elastic sphere of radius 0.1 m hits a plane at 0.2 m/s (test 2): Hertz."""
+    """An elastic sphere (R 0.1 m, 0.2 m/s) hits a plane as Hertz predicts (test 2)."""
     for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY):
         history = plane_history(solid, 0.1, 0.2, **laws)
         compare_with_hertz(case, solid.name, history, hertz_on_plane(solid, 0.1, 0.2))

@@ -73,7 +73,7 @@ def test_hexagonal_packing(case, laws):
 
 @pytest.mark.slow
 def test_poured_packing(case, laws):
-    """Grains in a box have the solid fraction and contacts of random packings.
+    """Grains poured into a box have the solid fraction and contacts of random packings.
 
     Solid fraction of random packings of ellipsoids: with friction 0.54 to 0.70 (shaken
     experiments: Schaller 2012; Delaney, Hilton & Cleary 2011); without, 0.64 of spheres

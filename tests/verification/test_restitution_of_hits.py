@@ -42,14 +42,14 @@ def throw_all(case, stiffness, stiffening, laws):
 
 
 def test_stiff_hits(case, laws):
-    """Stiff hits of every particle return the nominal restitution."""
+    """Stiff bodies of every shape rebound with the configured restitution."""
     for hit, means in throw_all(case, "stiff", STIFF_LIMIT, laws):
         for e, mean in zip(RESTITUTIONS, means, strict=True):
             case.close(f"{hit}: restitution at {e:g}", mean, e, TOLERANCE, scale=1.0)
 
 
 def test_soft_hits(case, laws):
-    """Soft hits, in which bodies turn, are near the nominal restitution."""
+    """Soft bodies, which rotate during an impact, rebound roughly as configured."""
     for hit, means in throw_all(case, "soft", 1.0, laws):
         for e, mean in zip(RESTITUTIONS, means, strict=True):
             case.within(f"{hit}: restitution at {e:g}", mean, e - 0.16, e + 0.16)

@@ -84,7 +84,7 @@ def lost_velocity(shape, contact, laws):
 
 @pytest.mark.essential  # the one case of clumps that .ci/run has
 def test_coulomb(case, laws):
-    """A sliding hit loses mu (1 + e) V: smooth bodies and clumps, e 0.05 to 0.9."""
+    """A sliding impact loses mu (1 + e) V: smooth bodies and clumps, e 0.05 to 0.9."""
     for name, body in particles().items():
         for e in RESTITUTIONS:
             contact = Contact(e, FRICTION, 0.0)
@@ -125,7 +125,7 @@ def work_of_closed_path(slides_first, laws):
 
 
 def test_closed_path(case, laws):
-    """A contact led over a closed path without slip gives no energy."""
+    """A contact that moves along a closed path without slip gains no energy."""
     for slides_first in (True, False):
         gained = -1e6 * work_of_closed_path(slides_first, laws)
         case.at_most(f"energy gained, slides first: {slides_first} [uJ]", gained, 0.02)

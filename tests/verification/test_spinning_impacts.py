@@ -141,7 +141,7 @@ def test_two_spinning_spheres(case, laws):
 
 
 def test_spinning_sphere_on_great_sphere(case, laws):
-    """A spinning sphere hits a great, stiff one as a plane (test 8)."""
+    """A spinning sphere hits a large, stiff sphere as if it were a plane (test 8)."""
     for solid, spin in product(SOLIDS, ALL_SPINS):
         at = f"{solid.name}, {spin:g} rad/s"
         after = hit_great_sphere(solid, spin, laws)
