@@ -106,6 +106,7 @@ def test_the_drum_alone_draws_no_funnel(project):
         "draw_figure06",
         "draw_figure08",
         "draw_definitions",
+        "draw_outline",
         "measure",
         "trajectory",
     }
