@@ -117,12 +117,18 @@ MATCHED = RUN_OF_FOLDER["matched"]
 COLUMN_STEMS = {ANGLE: "aor", HEIGHT: "height"}
 # What the parameters are, as a sentence names them.
 KIND = {
-    "e_gg": "the restitution between berries",
+    "e_gg": "the coefficient of restitution between berries",
     "mus_gg": "the static friction between berries",
     "mur_gg": "the rolling friction between berries",
-    "e_gp": "the restitution of a berry on the plate and the wall",
+    "e_gp": "the coefficient of restitution of a berry on the plate and the wall",
     "mus_gp": "the static friction on the plate and the wall",
     "mur_gp": "the rolling friction on the plate and the wall",
+}
+# What the settings of a run with a list of solutions are, as a sentence names them.
+SETTINGS = {
+    "goji_berry": "our default settings",
+    "paper": "the settings of the article",
+    "matched": "another model of the berry and another contact law",
 }
 LINES = {
     "flank, 30 to 80 %, levels (calibrated)": "flank",
@@ -283,23 +289,26 @@ def five_runs():
     others = [run for run in RUNS if run != PAPER]
     least = min(probability_inside(run) for run in others)
     return (
-        "Each of our five calibrations of the goji berry ends with a check, which simulates new piles with the calibrated "
-        "parameters. In all five checks, the mean angle is inside its target range of 31 to 34°, and the mean pile height is "
-        "inside its target range of 64 to 69 mm.\n\n"
-        "A check has a limited number of piles, so the true means could still be outside the target ranges. For each run "
-        f"except `paper`, both true means are inside with a probability of at least {least:.2f}. The run `paper`, which has the "
-        f"settings of the article, checks its answer with only eight piles. Its probability is {unsure:.2f}, and the program "
-        "calls such a result [undecided](glossary.md).\n\n"
-        "Different contact parameters can produce the same pile. Two of our calibrations show this: `goji_berry`, which has "
-        "the default settings, and `fast`, which needs fewer piles. Both use the same simulation model, but they search it "
-        "independently of each other. Both answers meet the targets, although their parameters differ by "
-        f"{largest_difference(fast, DEFAULT)} of the searched ranges.\n"
-        "A third calibration of this model, `wider`, searches a wider range of the static friction `mus_gg`. Its answer "
-        f"differs from that of `goji_berry` by {largest_difference(WIDER, DEFAULT)} of the ranges.\n\n"
+        "Each of our five calibrations of the goji berry ends with a check, in which the program simulates new piles with the "
+        "calibrated parameters. In all five checks, the mean angle is within its target range of 31 to 34°, and the mean pile "
+        "height is within its target range of 64 to 69 mm.\n\n"
+        "The check of a calibration has a limited number of piles, so the means of very many piles could still lie outside the "
+        "target ranges. The program estimates the probability that both means, of angle and height, are within their ranges. "
+        f"For four of our five calibrations of the goji berry, this probability is at least {least:.2f}.\n"
+        f"For the run `paper`, it is only {unsure:.2f}. This run has the settings of Ji et al. 2026 and only eight piles in its "
+        "check. The program calls such a result [undecided](glossary.md), which means that the check needs more piles.\n\n"
+        "Different contact parameters can produce the same pile, so do not read calibrated values as properties of the berry. "
+        "Two of our calibrations show this: `goji_berry`, which has the default settings, and `fast`, which needs fewer piles. "
+        "Both use the same model of the berry, but each run searches for the parameters on its own. Both results meet the "
+        f"targets. Nevertheless, their parameters differ by {largest_difference(fast, DEFAULT)} of the width of the ranges that "
+        "were searched.\n"
+        "A third calibration, `wider`, again gives different values for the same model. In this run, we searched a wider range "
+        f"of `mus_gg`, {KIND['mus_gg']}. Its parameters differ from those of `goji_berry` by "
+        f"{largest_difference(WIDER, DEFAULT)} of the width of the ranges.\n\n"
         "Our five calibrations of the goji berry are not five independent repetitions. The run `refined` continues the run "
-        "`goji_berry` with more piles, so their answers are similar: each parameter differs by at most "
-        f"{largest_difference(refined, DEFAULT).rpartition(' to ')[2]} of its range. The runs `paper` and `matched` simulate a "
-        "different particle with a different contact law.\n"
+        "`goji_berry` with more piles, so their results are similar: each parameter differs by at most "
+        f"{largest_difference(refined, DEFAULT).rpartition(' to ')[2]} of the width of its range. The runs `paper` and "
+        "`matched` use another model of the berry and another contact law.\n"
     )
 
 
@@ -381,6 +390,12 @@ def size_of(row):
     return f"{row['aor_sd_deg']:.1f}° and {row['height_sd_mm']:.1f} mm"
 
 
+def by_response(size):
+    """The angle and the height of a discrepancy in words, each beside its name."""
+    angle, height = size.split(" and ")
+    return f"{angle} for the angle and {height} for the height"
+
+
 def open_shares():
     """Widths of the intervals with all lines' models, the secant's, and no discrepancy."""
     stated, by_line = discrepancy_rows()
@@ -396,16 +411,16 @@ def open_intervals():
     """How wide the intervals stay, with the discrepancy of each number."""
     pooled, secant, exact = open_shares()
     return (
-        "Ten measured piles of goji berries hardly narrow the 95 % intervals of the contact parameters. How much they narrow "
-        "them depends on the error that we assume for the simulator, the [discrepancy](#the-discrepancy). By default, it is "
-        f"{pooled.size} for the angle and the height of a pile. Each interval then keeps {pooled.all} of the width that it has "
-        "without the measured piles.\n\n"
-        f"With a more accurate simulator, ten measured piles would determine `{NARROWEST}`, {KIND[NARROWEST]}, more precisely. "
-        f"By default, we assume an error of {pooled.size} for the simulated angle and height. With one of our smaller estimates "
-        f"of this error, {secant.size}, the 95 % interval of `{NARROWEST}` keeps {secant.narrowest} of the width that it has "
-        f"without the measured piles. With a perfect simulator, it would keep {exact.narrowest}.\n"
-        f"The intervals of the other five parameters, however, keep {exact.others} of their width even with a perfect "
-        "simulator. You need other measurements for these five in any case.\n"
+        "Ten measured piles of goji berries hardly narrow the 95 % intervals of the contact parameters. How narrow an interval "
+        "becomes depends on the error that we assume for the simulator itself, called the [discrepancy](#the-discrepancy). "
+        f"With the default, {by_response(pooled.size)} of a pile, each interval is still {pooled.all} as wide as before the "
+        "measurement.\n\n"
+        f"With a more accurate simulator, ten measured piles would determine `{NARROWEST}`, {KIND[NARROWEST]}, better. If we "
+        f"assume an error of only {by_response(secant.size)}, one of our smaller estimates, the 95 % interval of `{NARROWEST}` "
+        f"is {secant.narrowest} as wide as before the measurement. With a perfect simulator, it would be {exact.narrowest} as "
+        "wide.\n"
+        f"The intervals of the other five parameters would be {exact.others} as wide even with a perfect simulator. To "
+        "determine these five, you need other measurements.\n"
     )
 
 
@@ -422,34 +437,35 @@ def design():
     random_share = (len(meeting) - 1) / (len(meeting) + 1)
     return (
         "Many different parameter sets reproduce the measured goji berry pile, so the pile alone cannot tell which of them is "
-        f"right. The run `goji_berry` shows this. It starts with {len(samples)} parameter sets, called samples, that are spread "
-        f"evenly over the searched ranges. Of these samples, {len(meeting)} met both targets, the angle and the height of the "
-        "pile.\n"
+        f"right. The run `goji_berry`, our default calibration, shows this. It starts with {len(samples)} parameter sets, "
+        f"called samples, that are spread evenly over the searched ranges. Of these samples, {len(meeting)} met both targets, "
+        "the angle and the height of the pile.\n"
         f"These {len(meeting)} samples differ widely. From the smallest to the largest value, they cover at least "
         f"{100 * shares[least]:.0f} % of the range of each parameter (for `{least}`), and up to {100 * shares[most]:.0f} % (for "
         f"`{most}`). For comparison, {len(meeting)} random values would cover about {100 * random_share:.0f} % of a range. For "
         "most parameters, the targets therefore exclude hardly any values.\n\n"
-        "In the run `goji_berry`, some parameter sets meet the targets only by chance. The program simulates six piles for "
-        "each parameter set and uses their mean. On average over the searched ranges, this mean has a standard error of "
-        f"{noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. The error would be smaller near the answer, where single piles "
-        "scatter less.\n\n"
-        "A neural network, which is fitted to all parameter sets of the run `goji_berry` together, smooths out the random "
-        f"scatter of the piles. It predicts that {len(predicted)} of the sets meet both targets; in the simulations, "
-        f"{len(both)} of these {len(predicted)} did. The {len(predicted)} sets cover only "
-        f"{100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`, the parameter that the measured "
-        "pile constrains most.\n\n"
-        "A statistical analysis estimates how much ten measured goji berry piles reveal about the contact parameters. It gives "
-        "a 95 % interval for each parameter. These intervals become wider if we assume a larger error of the simulator itself, "
-        f"called the discrepancy. By default, we assume a discrepancy of {pooled.size} for angle and height. Each of the six "
-        f"intervals is then still {pooled.all} as wide as without any measurement, so the piles hardly narrow them.\n\n"
-        "The more accurate the simulator is, the more the ten measured goji berry piles reveal about the contact parameters. "
-        f"Suppose that the simulator had an error of only {secant.size} in angle and height. The 95 % interval of "
-        f"`{NARROWEST}`, {KIND[NARROWEST]}, would then be {secant.narrowest} as wide as without any measurement. With a perfect "
-        f"simulator, it would be {exact.narrowest} as wide.\n\n"
-        "The measured goji berry piles leave five of the six contact parameters open. Even with a perfect simulator, the 95 % "
-        f"intervals of these five would be at least {exact.others.split()[0]} % as wide as without any measurement. How well "
-        f"the piles determine the sixth parameter, `{NARROWEST}`, depends on the error of the simulator, which is not well "
-        "known.\n"
+        "In the run `goji_berry`, our default calibration, some of the simulated parameter sets meet the targets only by "
+        "chance. The program simulates six piles for each set and uses their mean angle and height. On average over the "
+        f"searched ranges, these means have standard errors of {noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. Near the "
+        "parameter set that the run proposes, single piles vary less, so the standard errors are smaller there.\n\n"
+        f"The targets probably restrict `{least}`, {KIND[least]}, more than single parameter sets show. This follows from a "
+        "neural network that was fitted to the results of all parameter sets in the run `goji_berry`, our default calibration. "
+        "Such a network averages out the random variation of the piles.\n"
+        f"According to the network, {len(predicted)} of the sets meet both targets; in the simulations, {len(both)} of these "
+        f"{len(predicted)} did. The {len(predicted)} sets cover only {100 * covered_share(DEFAULT, predicted, least):.0f} % of "
+        f"the range of `{least}`.\n\n"
+        "Ten measured goji berry piles hardly narrow the 95 % intervals of the contact parameters. The intervals also depend "
+        "on the error that we assume for the simulator itself: the larger this error, the wider they are. With our default "
+        f"assumption, {by_response(pooled.size)}, each of the six intervals is still {pooled.all} as wide as before the "
+        "measurement.\n\n"
+        "If our simulator were more accurate, the measured goji berry piles would tell us more about the contact parameters. "
+        f"Suppose that its error were only {by_response(secant.size)}. The 95 % interval of `{NARROWEST}`, {KIND[NARROWEST]}, "
+        f"would then be {secant.narrowest} as wide as before the measurement. With a perfect simulator, it would be "
+        f"{exact.narrowest} as wide.\n\n"
+        "The measured goji berry piles do not determine five of the six contact parameters. Even with a perfect simulator, the "
+        f"95 % intervals of these five would be at least {exact.others.split()[0]} % as wide as before the measurement. How "
+        f"well the piles determine the sixth parameter, `{NARROWEST}`, depends on the error of the simulator. This error is not "
+        "well known.\n"
     )
 
 
@@ -465,17 +481,17 @@ def bounds():
         for bound, count in counts.items()
     ]
     answer = answer_of(DEFAULT)
-    low, high = bounds_of(DEFAULT, "mus_gg")
-    distance = (answer["mus_gg"] - low) / (high - low)
+    low, _ = bounds_of(DEFAULT, "mus_gg")
     return (
-        "A search finds solutions only inside the searched ranges. The ends of a range are called its bounds. If many "
-        "solutions lie at a bound, better solutions may lie beyond it.\n"
-        f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries. The answer itself, the "
-        f"parameter set that the run proposes, lies above this bound by {100 * distance:.0f} % of the range.\n\n"
-        "The run `wider` tests whether the lower bound of `mus_gg`, the static friction between berries, excluded better "
-        "solutions. We took this bound from the goji berry article (Table 2 of Ji et al. 2026). The run `wider` also simulated "
-        "parameter sets below the bound. They meet both targets, the angle and the height of the pile, [about as "
-        "often](results.md#five-runs-five-parameter-sets) as sets above it. Values below the bound are therefore possible, too.\n"
+        "A search finds solutions only inside the ranges that you give for the parameters. The ends of a range are called its "
+        "bounds. If many solutions lie at a bound, better solutions may lie beyond it.\n"
+        f"In the run `goji_berry`, our default calibration, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. The parameter set "
+        f"that the run proposes does not lie at this bound: its `mus_gg` is {answer['mus_gg']:.3f}, and the bound is {low:g}.\n\n"
+        f"The lower bound of `mus_gg`, {KIND['mus_gg']}, excludes parameter sets that reproduce the goji berry pile as well as "
+        "others do. We took this bound from Table 2 of Ji et al. 2026, and tested it with an additional calibration, the run "
+        "`wider`, which also searches lower values. Below the bound, parameter sets meet both targets, the angle and the "
+        "height of the pile, [about as often](results.md#five-runs-five-parameter-sets) as above it. Values below the bound "
+        "are therefore possible, too.\n"
     )
 
 
@@ -488,25 +504,25 @@ def wider_run():
     meeting_beyond = meeting["mus_gg"] < old_low
     solutions = WIDER.table(WIDER.solutions)["mus_gg"]
     check = check_cells(WIDER)
-    span = interval_cell((solutions.min(), solutions.max()))
     counts = [
         [meeting_beyond.sum(), beyond.sum() - meeting_beyond.sum()],
         [(~meeting_beyond).sum(), (~beyond).sum() - (~meeting_beyond).sum()],
     ]
     chance = stats.fisher_exact(counts).pvalue
     return (
-        "The run `wider` tests whether there are solutions below the lower bound that the goji berry article (Ji et al. 2026) "
-        f"uses for `mus_gg`, the static friction between berries. It searches this parameter from {low:g} to {high:g} instead "
-        f"of from {old_low:g} to {old_high:g}, and simulates two piles for each parameter set.\n\n"
-        "In the run `wider`, parameter sets below the article's bound of `mus_gg` meet the targets about as often as those "
-        f"above it. Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} sets meet both targets; above it, "
-        f"{(~meeting_beyond).sum()} of {(~beyond).sum()} do. A difference of this size can easily arise by chance (Fisher's "
-        f"exact test, p = {chance:.2f}). The test thus gives no sign that good parameter sets end at the bound.\n\n"
-        f"In the run `wider`, the search could choose values of `mus_gg` far below the bound of {old_low:g} that the goji berry "
-        f"article (Ji et al. 2026) uses. It nevertheless ended near this bound: the {len(solutions)} solutions that it kept "
-        f"have a `mus_gg` of {span}.\n"
-        f"New piles simulated with the answer of this run have an angle of {check[ANGLE][0]} and a height of "
-        f"{check[HEIGHT][0]}. The answer therefore meets both targets, 31 to 34° and 64 to 69 mm.\n"
+        "With the run `wider`, an additional calibration, we tested whether good parameter sets exist below the lower bound "
+        f"that Ji et al. 2026 use for `mus_gg`, {KIND['mus_gg']}. In this run, the program searches `mus_gg` from {low:g} to "
+        f"{high:g} instead of from {old_low:g} to {old_high:g}, and simulates two piles for each parameter set.\n\n"
+        f"The bound of {old_low:g} that Ji et al. 2026 use for `mus_gg`, {KIND['mus_gg']}, does not separate good parameter "
+        f"sets from bad ones. In the run `wider`, which also searches lower values, {meeting_beyond.sum()} of {beyond.sum()} "
+        f"parameter sets below the bound meet both targets. Above the bound, {(~meeting_beyond).sum()} of {(~beyond).sum()} do. "
+        f"A difference of this size can easily arise by chance (Fisher's exact test, p = {chance:.2f}).\n\n"
+        f"You do not need values of `mus_gg`, {KIND['mus_gg']}, far below the bound of {old_low:g} that Ji et al. 2026 use to "
+        f"reproduce the goji berry pile. In the run `wider`, the search was allowed to go down to {low:g}, but it ended near "
+        f"this bound. The `mus_gg` of the {len(solutions)} solutions that it kept lies between {solutions.min():.3f} and "
+        f"{solutions.max():.3f}.\n\n"
+        "The parameter set that the run `wider` proposes meets both targets, an angle of 31 to 34° and a height of 64 to 69 "
+        f"mm. New piles simulated with it have an angle of {check[ANGLE][0]} and a height of {check[HEIGHT][0]}.\n"
     )
 
 
@@ -529,18 +545,19 @@ def common_parameters(run):
 
 def overlaps():
     """In how many parameters each search's solutions overlap the article's Table 3."""
-    counts = [
-        f"{len(common_parameters(run)[0])} in {run.name}"
+    listed_counts = "\n".join(
+        f"- {len(common_parameters(run)[0])} of 6 in the run {run.name}, which has {SETTINGS[run.folder]}"
         for run in RUNS
         if run.solutions
-    ]
+    )
     without = [run.name for run in RUNS if run.solutions is None]
     return (
-        "We compared our solutions with those of the goji berry article by Ji et al. 2026. In both studies, a solution is a "
-        "parameter set that is predicted to meet the targets, and a search keeps 90 of them. For each of the six parameters, "
-        "we checked whether our interval, from the smallest to the largest value, overlaps the interval in the article's Table "
-        f"3. The number of parameters whose intervals overlap is {listed(counts)}. The runs {listed(without)} use another kind "
-        "of search and have no list of 90 solutions.\n"
+        "For most parameters, our calibrations and that of Ji et al. 2026 end with different values. In both studies, a "
+        "solution is a parameter set that is predicted to meet the targets, and the 90 solutions of a search are kept. For "
+        "each of the six parameters, we checked whether our solutions and theirs (Table 3 of the article) have values in "
+        "common. The number of parameters for which they do is\n\n"
+        f"{listed_counts}\n\n"
+        f"The runs {listed(without)} use other kinds of search and have no list of 90 solutions.\n"
     )
 
 
@@ -675,32 +692,35 @@ def published_verdict():
     low, high = angle_range
     inside = {line: sets[line].between(*angle_range) for line in (ANGLE, STRAIGHTEST)}
     height_inside = sets[HEIGHT].between(*height_range)
+    all_heights = "all" if height_inside.all() else f"{height_inside.sum()} of"
     clear = low - sets[ANGLE] > 2 * sets[f"{ANGLE}_se"]
     flatter, error, count = flatter_by(ANGLE)
     straight, straight_error, _ = flatter_by(STRAIGHTEST)
     # A pour of the article is taken to scatter as ours do.
     pour = (sets[f"{ANGLE}_se"] * np.sqrt(sets["pours"])).mean()
     return (
-        f"We simulated the {len(sets)} parameter sets of the goji berry article (Ji et al. 2026) to see whether they meet its "
-        "targets in our simulator. For the angle, the result depends on the line along which it is measured. We calibrate with "
-        f"the flank, the side of the pile between 30 and 80 % of its height. Along the flank, {inside[ANGLE].sum() or 'none'} "
-        f"of the {len(sets)} sets has a mean angle inside the target range of {low:g} to {high:g}°; {clear.sum()} sets are "
-        "below it by more than two standard errors.\n"
-        f"Along the straightest part of a side, {inside[STRAIGHTEST].sum()} sets are inside the range, and the remaining one is "
+        "In our simulator, the angles of the parameter sets that Ji et al. 2026 published lie within the target range of "
+        f"{low:g} to {high:g}° or below it, depending on the line along which the angle is measured. We simulated {len(sets)} "
+        "of their parameter sets. We calibrate with the flank, the side of the pile between 30 and 80 % of its height. Along "
+        f"the flank, {inside[ANGLE].sum() or 'none'} of the {len(sets)} sets has a mean angle within the target range; "
+        f"{clear.sum()} sets lie below it by more than two standard errors.\n"
+        f"Along the straightest part of a side, {inside[STRAIGHTEST].sum()} sets are within the range, and the remaining one is "
         f"just below it ({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
-        "Unlike their angles along the flank, the heights of the simulated piles meet the target of the goji berry article. For "
-        f"{height_inside.sum()} of its {len(sets)} parameter sets, the mean height in our simulator is inside the target range "
-        f"of {height_range[0]:g} to {height_range[1]:g} mm.\n\n"
-        "With the same contact parameters, our simulated piles are flatter than those in the goji berry article (Ji et al. "
-        f"2026). The article reports a simulated angle for {count} of its parameter sets, each from a single pile. On average "
-        f"over these sets, our angle is smaller by {with_error(flatter, error)}° along the flank, and by "
-        f"{with_error(straight, straight_error)}° along the straightest part of a side.\n\n"
-        "It is probable, but not certain, that our simulator gives flatter piles than the simulator of the goji berry article. "
-        f"The standard errors of the mean difference between the two come from the scatter of only {count} parameter sets, so "
-        f"they may be too small. If the article's single piles scatter by {pour:.1f}°, as ours do, the mean difference has a "
-        f"standard error of {pour / np.sqrt(count):.1f}°. The difference may then be due to chance.\n\n"
-        "A calibration removes this difference between our piles and those of the goji berry article, because it changes the "
-        "contact parameters until the angle along the flank fits.\n"
+        f"In our simulator, the parameter sets that Ji et al. 2026 published give piles of the right height. For {all_heights} "
+        f"of the {len(sets)} sets, the mean height of the simulated piles is within the target range of {height_range[0]:g} to "
+        f"{height_range[1]:g} mm.\n\n"
+        "With the same contact parameters, the piles in our simulator are flatter than those in the simulator of Ji et al. "
+        f"2026. They report a simulated angle for {count} of their parameter sets, each from a single pile. On average over "
+        f"these sets, our angle is {with_error(flatter, error)}° smaller if we measure it along the flank, the side between 30 "
+        f"and 80 % of the height. Along the straightest part of a side, it is {with_error(straight, straight_error)}° smaller. "
+        "The numbers after ± are standard errors.\n\n"
+        "Our simulator probably gives flatter piles than the simulator of Ji et al. 2026, but this is not certain. The mean "
+        f"difference between the two simulators comes from only {count} parameter sets. Its standard error, which we estimated "
+        f"from the same {count} differences, may therefore be too small. Suppose that the angles of single piles in their "
+        f"simulator have a standard deviation of {pour:.1f}°, as in ours. The mean difference then has a standard error of "
+        f"{pour / np.sqrt(count):.1f}°, and it may be due to chance.\n\n"
+        "If you calibrate our simulator, its flatter piles are no obstacle. A calibration changes the contact parameters until "
+        "the angle along the flank agrees with the angle that Ji et al. 2026 measured.\n"
     )
 
 
@@ -713,12 +733,13 @@ def first_draw():
     pours = int(first["n_seeds"])
     all_pours = poured_published_sets().loc["representative"]
     return (
-        "A small number of simulated piles can agree with a target by chance. This happened with the representative parameter "
-        f"set of the goji berry article (Ji et al. 2026). Of its first twelve piles in our simulator, {pours} came to rest. "
-        f"Their means met both targets: {with_error(first['aor_flank_deg'], first['aor_flank_se_deg'])}° and "
-        f"{with_error(first['height_mm'], first['height_se_mm'])} mm. When we simulated more piles, the mean angle of all "
-        f"{all_pours['pours']} that came to rest was only {with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°, which "
-        "misses the target.\n"
+        "Do not judge a parameter set by only a few simulated piles, because they can meet a target by chance. This happened "
+        "when we simulated the representative parameter set of Ji et al. 2026, the one that they propose as their result. Of "
+        f"the first twelve piles, {pours} came to rest. Their mean angle, "
+        f"{with_error(first['aor_flank_deg'], first['aor_flank_se_deg'])}°, was within the target range of 31 to 34°, and their "
+        f"mean height, {with_error(first['height_mm'], first['height_se_mm'])} mm, was within its range, too.\n"
+        f"After more simulations, the mean angle of all {all_pours['pours']} piles that came to rest was only "
+        f"{with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°, below the target range.\n"
     )
 
 
@@ -940,15 +961,17 @@ def drum():
     ours = runs[runs["case"] == "our answer"]
     again = mean_with_error(ours["before_turned_deg"])
     return (
-        "With the contact parameters from our default calibration, the run `goji_berry`, the bed of berries in our simulated "
-        f"drum first slips when the drum has turned by {means['before_turned_deg']}°. This is much later than in the goji berry "
-        "article (Ji et al. 2026), whose times imply a slip after 27° of rotation. Just before the slip, the surface of our bed "
-        f"has a slope of {means['before_surface_deg']}°; after the slip, its slope is {means['after_surface_deg']}°.\n\n"
-        "Other simulations of our drum also slip later than the drum of the goji berry article (Ji et al. 2026), whose times "
-        "imply a rotation of 27°. In six further simulations with the parameters of our default calibration, `goji_berry`, the "
-        f"bed slips after {again}° on average. With the parameters of the run `matched`, which has another particle and contact "
-        f"law, it slips after {drum_means(MATCHED)['before_turned_deg']}°. With those of `paper`, which has the article's "
-        f"settings, it slips after {drum_means(PAPER)['before_turned_deg']}° (a single simulation).\n"
+        f"In our simulated drum, the bed of berries first slips after the drum has rotated by {means['before_turned_deg']}°. "
+        "This is much later than in the drum of Ji et al. 2026: according to the times in their article, the bed slips after "
+        "27°. For this comparison, we used the contact parameters from our default calibration, the run `goji_berry`. Just "
+        f"before the slip, the surface of the simulated bed has a slope of {means['before_surface_deg']}°. After the slip, its "
+        f"slope is {means['after_surface_deg']}°.\n\n"
+        "The late slip in our simulated drum does not come from one particular calibration. According to the times in the "
+        "article by Ji et al. 2026, the bed in their drum slips after 27° of rotation. In our drum, it slips much later with "
+        "the contact parameters of each calibration that we tried:\n\n"
+        f"- Default settings (`goji_berry`), six additional simulations: after {again}° on average.\n"
+        f"- Another particle and contact law (`matched`): after {drum_means(MATCHED)['before_turned_deg']}°.\n"
+        f"- The settings of Ji et al. 2026 (`paper`), a single simulation: after {drum_means(PAPER)['before_turned_deg']}°.\n"
     )
 
 
@@ -993,19 +1016,24 @@ def optimism():
     typical_error = others["aor_se_deg"].mean()
     mean_found = with_error(found_others.mean(), typical_error / np.sqrt(len(others)))
     return (
-        "The program estimates by how much the predicted angle of an answer is too large, and calls this the expected "
-        f"optimism. For the answer of our default calibration, the run `goji_berry`, the estimate is {expected_answer}. New "
-        f"piles simulated with this answer were flatter than predicted by {found_answer}°. The two values agree within their "
-        "errors, but this is a weak test, because the error of the new piles is much larger than the estimate.\n\n"
-        "The expected optimism, the program's estimate of how much a predicted angle is too large, explains only part of the "
-        f"error of our predictions. We tested this by simulating {len(others)} other solutions of the run `goji_berry`. The "
-        f"program expected their predicted angles to be too large by {expected.mean():.1f}° on average, but they were too large "
-        f"by {mean_found}°. For individual solutions, the difference was {found_others.min():.1f} to {found_others.max():.1f}°, "
-        f"with a standard error of about {typical_error:.1f}° each.\n\n"
-        f"When we simulated solutions of the run `goji_berry` again, the angles of {counted_flatter()} were smaller than "
-        "predicted. The same neural network made all these predictions, so it probably has a bias in the region of the "
-        f"solutions. The network reports a random error of {posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}° for the angle "
-        "in this region. The 95 % intervals of the parameters take this random error into account, but not the bias.\n"
+        "The expected optimism is an estimate by the program: the predicted angle minus the angle that new simulations will "
+        "probably give. For the parameter set that our default calibration, the run `goji_berry`, proposes, this estimate is "
+        f"{expected_answer}. In the simulations that followed, the mean angle was {found_answer}° smaller than predicted. The "
+        "estimate agrees with this result within the errors. However, the error of the simulated angle is so large that many "
+        "other estimates would agree with it, too.\n\n"
+        "Do not correct a predicted angle by the expected optimism, the program's estimate of its error, because this estimate "
+        f"covers only a part of the error. To test it, we simulated {len(others)} additional solutions of our default "
+        "calibration, the run `goji_berry`. A solution is a parameter set that is predicted to meet the targets. According to "
+        f"the estimate, the predicted angles of these solutions are too large by {expected.mean():.1f}° on average.\n"
+        f"In the simulations, they turned out to be too large by {mean_found}° on average. For single solutions, the predicted "
+        f"angle was {found_others.min():.1f} to {found_others.max():.1f}° too large, with a standard error of about "
+        f"{typical_error:.1f}° each.\n\n"
+        "Always check predicted angles with new simulations, because the neural network that predicts them probably has a bias "
+        "near the solutions. When we simulated solutions of our default calibration, the run `goji_berry`, the angles of "
+        f"{counted_flatter()} solutions were smaller than predicted. All these predictions come from the same network, so a "
+        "common error of the network is the likely cause.\n"
+        f"The network itself reports only its random error, which is {posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}° for "
+        "these angles. The 95 % intervals of the parameters take this random error into account, but not the bias.\n"
     )
 
 
@@ -1013,9 +1041,9 @@ def pours_of_default():
     """How many pours of the design of `goji_berry` came to rest."""
     summary = json.loads((KEPT / DEFAULT.folder / "dataset_summary.json").read_text())
     return (
-        f"The run `goji_berry`, our calibration with the default settings, simulates six piles for each of {summary['samples']} "
-        f"parameter sets, {summary['runs']} in all. It uses the {summary['runs_ok']} piles that came to rest, and leaves out "
-        "those whose berries were still moving after 18 s.\n"
+        "In the run `goji_berry`, our calibration with the default settings, the program simulates six piles for each of "
+        f"{summary['samples']} parameter sets, {summary['runs']} in all. It uses the {summary['runs_ok']} piles that came to "
+        "rest, and leaves out those whose berries were still moving after 18 s.\n"
     )
 
 
@@ -1124,15 +1152,15 @@ def information():
     size = size_of(by_line.loc["all six"])
     return (
         "The ten measured piles of goji berries give little information about the contact parameters. We measure information "
-        f"in bits, where one bit halves the possible range of a parameter. With the default error of the simulator, {size} for "
-        f"angle and height, the piles give {total:.2f} bits of information about all six parameters together. The largest part, "
-        f"{bits[most]:.2f} bits, concerns `{most}`, {KIND[most]}, which probably lies in the {half} half of its range. About "
-        f"each of the other five parameters, the piles give at most {bits.drop(most).max():.2f} bits.\n\n"
-        "If the simulator is more accurate, the ten measured goji berry piles give more information about the contact "
-        "parameters. Information is measured in bits, where one bit halves the possible range of a parameter. By default, we "
-        f"assume an error of {size} for angle and height, and the piles then give {total:.2f} bits about all six parameters together. With "
-        f"an error of {size_of(secant)}, they give {secant['information_bits']:.1f} bits. Of these, "
-        f"{secant[f'{most}_bits']:.1f} bits concern `{most}`, {KIND[most]}.\n"
+        "in bits, where one bit halves the possible range of a parameter. With the default error of the simulator, "
+        f"{by_response(size)}, the piles give {total:.2f} bits of information about all six parameters together. The largest "
+        f"part, {bits[most]:.2f} bits, is about `{most}`, {KIND[most]}. This parameter probably lies in the {half} half of its "
+        f"range. About each of the other five parameters, the piles give at most {bits.drop(most).max():.2f} bits.\n\n"
+        "The smaller the error that we assume for the simulator, the more information the ten measured goji berry piles give "
+        "about the contact parameters. We measure information in bits, where one bit halves the possible range of a parameter. "
+        f"With our default assumption, the piles give {total:.2f} bits about all six parameters together. If we assume a "
+        f"smaller error, {by_response(size_of(secant))}, they give {secant['information_bits']:.1f} bits, and "
+        f"{secant[f'{most}_bits']:.1f} bits about `{most}`, {KIND[most]}, alone.\n"
     )
 
 
@@ -1210,27 +1238,29 @@ def shape_study_discrepancy():
     secant = eligible[eligible["definition"] == "secant"]
     angle_sd, height_sd = secant[["aor_difference_deg", "height_difference_mm"]].std()
     return (
-        f"To estimate the error of our simulator, we compared the piles of {models} plausible models of the goji berry, which "
-        "differ in the particle, the contact law and the filling of the funnel. The angle of a pile depends on the line that "
-        "is drawn along its side, so we measured it along six lines. We treat each model with each line as one possible "
-        f"simulator. Between these simulators, angle and height have standard deviations of {size_of(pooled)}, with a "
-        f"correlation of {pooled['discrepancy_correlation']:.2f}. The program uses these values by default as the error of the "
-        "simulator, the discrepancy.\n\n"
-        "Our estimate of the simulator's error gives more weight to more plausible models of the goji berry. For each model "
-        "and each line along which the angle is measured, we compare our simulated piles with those of the goji berry article "
-        "(Ji et al. 2026). If they differ by d standard deviations, the weight is exp(-d²/2). As a result, the line from foot "
-        f"to crest (the secant) carries {100 * shares['secant']:.0f} % of the weight, and the line along the steepest part of a "
-        f"side {100 * shares['steepest']:.0f} %. The unequal weights make the models worth only as much as "
-        f"{posterior['discrepancy_models']:.1f} models of equal weight.\n\n"
-        "This estimate of the simulator's error, the discrepancy, has four weaknesses:\n\n"
-        "- It contains the scatter between lines, although a study measures its piles along one line only. By most lines "
-        f"alone, the angles of the models scatter by {lines.min():.1f} to {lines.max():.1f}°, by the line along the steepest "
-        f"part by {by_line.loc['steepest', 'aor_sd_deg']:.1f}°. The line that we calibrate with was not among the six.\n"
+        f"To estimate the error of our simulator, we compared the piles of {models} plausible models of the goji berry. The "
+        "models differ in the particle, the contact law and the filling of the funnel. The angle of a pile also depends on the "
+        "line that is drawn along its side, so we measured each pile along six lines. Each combination of a model and a line "
+        "counts as one possible simulator.\n"
+        f"The results of these simulators vary with standard deviations of {by_response(size_of(pooled))}, with a correlation "
+        f"of {pooled['discrepancy_correlation']:.2f}. By default, the program assumes that the simulator has an error of this "
+        "size, called the discrepancy.\n\n"
+        "In our estimate of the simulator's error, a model of the goji berry counts more if its piles are similar to those that "
+        "Ji et al. 2026 simulated. For each model and each line along which the angle is measured, we calculate by how many "
+        "standard deviations d the two differ. The weight is exp(-d²/2).\n"
+        f"As a result, the line from foot to crest (the secant) has {100 * shares['secant']:.0f} % of the total weight, and the "
+        f"line along the steepest part of a side {100 * shares['steepest']:.0f} %. With these unequal weights, the estimate is "
+        f"only as reliable as one from {posterior['discrepancy_models']:.1f} models that all have the same weight.\n\n"
+        "Our estimate of the simulator's error has four weaknesses:\n\n"
+        "- It contains the differences between the six lines, although a study measures its piles along one line only. Along "
+        f"most single lines, the angles of the models have a standard deviation of {lines.min():.1f} to {lines.max():.1f}°, and "
+        f"{by_line.loc['steepest', 'aor_sd_deg']:.1f}° along the steepest part. The line that we calibrate with was not among "
+        "the six.\n"
         "- The models use the parameter sets of the goji berry article (Ji et al. 2026). So they show how much a pile changes "
         "with the model, and not the error that is left after each model has been calibrated.\n"
         "- The weights compare the models with the article's single simulated piles, and not with real ones. Without weights "
-        f"the models scatter more (by the secant, {angle_sd:.1f}° and {height_sd:.1f} mm), because some ways of filling make "
-        "much lower piles.\n"
+        f"the models differ more (standard deviations along the secant: {angle_sd:.1f}° and {height_sd:.1f} mm), because some "
+        "ways of filling the funnel make much lower piles.\n"
         "- The models were simulated with [earlier contact laws](results.md#which-results-are-of-which-line-and-laws).\n"
     )
 
@@ -1243,9 +1273,10 @@ def open_region():
     excluded = int((region["share"] == 0).sum())
     cells = "none is" if excluded == 0 else f"{excluded} of {len(region)} are"
     return (
-        "History matching rules out parameter sets whose piles differ too much from the measured ones. For the goji berry, it "
-        f"rules out little: {100 * share:.0f} % of the searched space remains possible, with the default error of the "
-        f"simulator. Of the cells in the figure, {cells} ruled out:\n"
+        f"For the goji berry, history matching rules out very few parameter sets: {100 * share:.0f} % of the searched space "
+        "remains possible if we assume the default error of the simulator. History matching is a method that rejects a "
+        "parameter set if its piles differ too much from the measured ones. The figure divides the ranges of two parameters at "
+        f"a time into cells. Of these cells, {cells} ruled out:\n"
     )
 
 
@@ -1314,13 +1345,13 @@ def most_sensitive():
         return f"{share(target, most)} ({low:.0f} to {high:.0f} %)"
 
     return (
-        f"Of all contact parameters, `{most}`, {KIND[most]}, has the largest effect on the goji berry pile. If all parameters "
-        f"vary over the searched ranges, this one alone explains {with_interval(ANGLE)} of the variance of the angle. For the "
-        f"height, it explains {with_interval(HEIGHT)}. {direction(most)}\n\n"
-        f"The other contact parameters affect the goji berry pile less than `{most}`. The second most important one for the "
-        f"angle is `{next_angle}`, {KIND[next_angle]}, which explains {share(ANGLE, next_angle)} of the variance. For the height, "
-        f"it is `{next_height}`, {KIND[next_height]}, which explains {share(HEIGHT, next_height)}. The least important parameter "
-        f"is `{least}`, {KIND[least]}. {direction('mus_gg')}\n"
+        f"Of all contact parameters, `{most}`, {KIND[most]}, has the largest effect on the goji berry pile. When all parameters "
+        f"vary over the searched ranges, `{most}` alone explains {with_interval(ANGLE)} of the variance of the pile's angle, "
+        f"and {with_interval(HEIGHT)} of the variance of its height. The brackets contain 95 % intervals. {direction(most)}\n\n"
+        f"The other contact parameters affect the goji berry pile less than `{most}`, {KIND[most]}. The second most important "
+        f"parameter for the angle of the pile is `{next_angle}`, {KIND[next_angle]}, which explains {share(ANGLE, next_angle)} "
+        f"of the variance (first-order Sobol index). For the height of the pile, it is `{next_height}`, {KIND[next_height]}, "
+        f"with {share(HEIGHT, next_height)}. The least important parameter is `{least}`, {KIND[least]}. {direction('mus_gg')}\n"
     )
 
 
@@ -1448,19 +1479,20 @@ def further_tests():
     ]
     return (
         f"{markdown(head, rows)}\n"
-        "Two kinds of measurement give the most information about the parameters per hour of work. The first evaluates "
-        "[seven more numbers of the pile's side](research/docs/second_responses.md) in the photographs that you already have. "
-        f"It takes {photographs['minutes']:.0f} minutes and yields "
-        f"{with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits if the simulator has an error of 2 %; each "
-        "bit rules out half of the remaining possibilities.\n"
-        "The second measures the friction between grain and wall directly. It takes "
-        f"{by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and yields "
-        f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the error of the simulator. These bits only help if your "
-        "machine depends on the friction on the wall. The pile itself hardly depends on it.\n"
-        "\nOnly the first two rows of this table use the measured piles of the experiment. For the other rows, we computed "
-        "[synthetic measurements](research/docs/joint_targets.md) with an earlier version of the simulator. For the result of a "
-        "single direct test, we assumed a standard deviation of 0.03 if it measures a restitution, 0.035 for a static friction "
-        "and 0.005 for a rolling friction. If your own tests scatter more, they will narrow the 95 % intervals less.\n"
+        "Two kinds of measurement give the most information about the contact parameters per hour of work. Information is "
+        "measured in bits, and each bit rules out half of the remaining possibilities.\n\n"
+        "- Read [seven more numbers](research/docs/second_responses.md), which describe the shape of the pile, from the "
+        f"photographs that you already have. This takes {photographs['minutes']:.0f} minutes. If the simulator has an error of "
+        f"2 %, it yields {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits.\n"
+        f"- Measure the friction between grain and wall directly. This takes {by_set.loc['direct mus_gp', 'minutes']:.0f} "
+        f"minutes and yields {by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the error of the simulator. It only "
+        "helps if the friction on the wall is important in the machine that you want to simulate. The pile itself hardly "
+        "depends on it.\n\n"
+        "In the table of measurements, only the first two rows use the piles that were measured in the experiment. For the "
+        "other rows, we computed [synthetic measurements](research/docs/joint_targets.md) with an earlier version of the "
+        "simulator. We assumed that a direct test has a standard deviation of 0.03 if it measures a coefficient of "
+        "restitution, 0.035 for a static friction and 0.005 for a rolling friction. If the results of your own tests vary "
+        "more, you will get wider 95 % intervals than in the table.\n"
     )
 
 
@@ -1477,11 +1509,10 @@ def left_open():
         f"first, all over the searched ranges, have a standard deviation of only {angle_sd:.1f}° and {height_sd:.1f} mm.\n"
         f"With a perfect simulator, the measured piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of "
         f"its width. Each of the other five intervals would keep {exact.others} of its width.\n\n"
-        f"Of the {len(samples)} parameter sets that the run `goji_berry` simulated first, {len(meeting)} "
-        f"({100 * len(meeting) / len(samples):.0f} %) gave piles inside both target ranges, 31 to 34° and 64 to 69 mm. If we "
-        "allow for the error that we assume for the simulator, "
-        f"[{100 * region:.0f} % of all combinations of parameters](docs/uncertainty.md#the-region-that-is-not-excluded) remain "
-        "possible.\n\n"
+        f"Many combinations of parameters remain possible after the measurement. Of the {len(samples)} parameter sets that the "
+        f"run `goji_berry` simulated first, {len(meeting)} ({100 * len(meeting) / len(samples):.0f} %) gave piles within both "
+        "target ranges, 31 to 34° and 64 to 69 mm. The simulator itself has an error, too. If we allow for it, "
+        f"[{100 * region:.0f} % of the searched space](docs/uncertainty.md#the-region-that-is-not-excluded) remains possible.\n\n"
         "You should use the six calibrated values only together, and only for piles like the measured one. "
         "A pile alone does not give you parameters for a conveyor or a packing machine, but it shows "
         "[which further tests you need](#what-a-pile-leaves-open).\n"
@@ -1525,12 +1556,16 @@ def effect_of_friction():
         cells.append(f"{slopes[place]:+.1f} ± {error:.1f}{unit}")
     height, angle, straightest, whole, secant = cells
     return (
-        "In our default calibration, the run `goji_berry`, piles become flatter if the static friction between berries, "
-        "`mus_gg`, increases. From the lower to the upper end of its range, the angle along the flank, the line that we "
-        f"calibrate with, changes by {angle}. The height changes by {height} (a linear fit to all {len(samples)} samples).\n\n"
-        "How much the angle changes with `mus_gg`, the static friction between berries, depends on the line along which it is "
-        f"measured. Along lines other than the flank, it changes less: by {straightest} along the straightest part of a side, "
-        f"by {whole} along the whole side, and by {secant} from foot to crest.\n"
+        "In our default calibration, the run `goji_berry`, piles become flatter but a little higher if `mus_gg`, "
+        f"{KIND['mus_gg']}, increases. We fitted a linear model to all {len(samples)} parameter sets of this run. From the "
+        f"lower to the upper bound of `mus_gg`, the height of the pile changes by {height}.\n\n"
+        f"How much the angle of a pile changes with `mus_gg`, {KIND['mus_gg']}, depends on the line along which the angle is "
+        "measured. From the lower to the upper bound of `mus_gg`, the angle changes most along the line that we use for our "
+        "calibration, the flank:\n\n"
+        f"- along the flank, the side between 30 and 80 % of the height: {angle}\n"
+        f"- along the straightest part of a side: {straightest}\n"
+        f"- along the whole side: {whole}\n"
+        f"- along the secant, from foot to crest: {secant}\n"
     )
 
 
