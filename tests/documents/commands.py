@@ -3,9 +3,10 @@
 `python tests/documents/commands.py` runs the quick ones, `--all` all that this machine can, and PAGE... those of some
 pages alone. `commands.yaml` says of each command which it is, and why one is not run.
 
-A command is an indented line that begins with one of PROGRAMS. A fenced block behind "Save this as `NAME`" is written
-to that file. The commands of a page run in one shell, one after another, in a folder of their own: an empty one, or a
-copy of the checkout with a small configuration, which the pages that are `in: checkout` share.
+A command is an indented line that begins with one of PROGRAMS. A fenced block behind "Save this as `NAME`", "Save this
+study as `NAME`" or "Save the following as `NAME`" is written to that file. The commands of a page run in one shell, one
+after another, in a folder of their own: an empty one, or a copy of the checkout with a small configuration, which the
+pages that are `in: checkout` share.
 """
 
 import argparse
@@ -58,7 +59,7 @@ FOLDERS = (
 DOCUMENTS = ("*.md", "resources/*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
 INDENTED = re.compile(r"^ {4,}(\S.*)$")
 ASKS = "repose card check "  # its status 3 says that the targets are not met, as those of a small run may be
-SAVED = re.compile(r"[Ss]ave this as `([^`]+)`")
+SAVED = re.compile(r"[Ss]ave (?:this|the)\b[^`.]* as `([^`]+)`")
 # Sections of config/quick.yaml that make the studies small; .test/config/config.yaml makes the calibration small.
 STUDIES = (
     "posterior",

@@ -66,6 +66,25 @@ def test_files_commands_and_pictures_of_a_page_come_in_their_order():
             ] == [], page
 
 
+@pytest.mark.parametrize(
+    ("sentence", "names"),
+    [
+        ("Save this as `a.txt`:", ["a.txt"]),
+        ("Save the following as `a.txt`, in place of the old file:", ["a.txt"]),
+        ("Then save this small study as `a.yaml`.", ["a.yaml"]),
+        ("Save your results as `a.csv`.", []),
+        ("Save it as `a.csv`.", []),
+    ],
+)
+def test_a_sentence_that_shows_a_file_names_it(sentence, names):
+    files = [
+        kind
+        for kind, _ in commands.steps(f"{sentence}\n\n```text\none\n```\n")
+        if kind not in ("heading", "command")
+    ]
+    assert files == names
+
+
 @pytest.mark.essential
 @pytest.mark.slow
 def test_the_quick_commands_run():
