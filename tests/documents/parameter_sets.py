@@ -27,9 +27,10 @@ PAGES = (
     "docs/article.md",
     "docs/angle_line.md",
     "docs/bench_measurements.md",
-    "docs/network.md",
     "docs/refinement.md",
     "research/docs/drum_slip.md",
+    "research/docs/network_tests.md",
+    "research/docs/uncertainty_tests.md",
 )
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 ANGLE = "aor_deg"
@@ -915,7 +916,7 @@ def beside_article():
         [
             "R² of the network on test samples (1 is perfect), angle and Height",
             "0.94, 0.94",
-            f"`goji_berry`: {r_squared(DEFAULT)}; [a perfect model](docs/network.md#what-the-articles-094-would-take) "
+            f"`goji_berry`: {r_squared(DEFAULT)}; [a perfect model](research/docs/network_tests.md#what-the-articles-094-would-take) "
             f"would reach about {perfect_r_squared(DEFAULT)}, because the samples are noisy",
         ],
         [
@@ -1261,7 +1262,7 @@ def shape_study_discrepancy():
         "- The weights compare the models with the article's single simulated piles, and not with real ones. Without weights "
         f"the models differ more (standard deviations along the secant: {angle_sd:.1f}° and {height_sd:.1f} mm), because some "
         "ways of filling the funnel make much lower piles.\n"
-        "- The models were simulated with [earlier contact laws](results.md#which-results-are-of-which-line-and-laws).\n"
+        "- The models were simulated with [earlier contact laws](../../docs/results.md#which-results-are-of-which-line-and-laws).\n"
     )
 
 
@@ -1504,7 +1505,8 @@ def left_open():
     angle_sd, height_sd = samples[[ANGLE, HEIGHT]].std()
     return (
         f"**With the error that we assume for the simulator, {pooled.size}, the measured piles determine none of the six "
-        "parameters.** We [estimated](docs/uncertainty.md#the-discrepancy) this error from the differences between plausible "
+        "parameters.** We [estimated](research/docs/uncertainty_tests.md#where-the-size-of-the-discrepancy-comes-from) this error "
+        "from the differences between plausible "
         f"models of the berry. It is large: the piles of the {len(samples)} parameter sets that the run `goji_berry` simulated "
         f"first, all over the searched ranges, have a standard deviation of only {angle_sd:.1f}° and {height_sd:.1f} mm.\n"
         f"With a perfect simulator, the measured piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of "
