@@ -418,10 +418,10 @@ def open_intervals():
         "measurement.\n\n"
         f"With a more accurate simulator, ten measured piles would determine `{NARROWEST}`, {KIND[NARROWEST]}, better. If we "
         f"assume an error of only {by_response(secant.size)}, one of our smaller estimates, the 95 % interval of `{NARROWEST}` "
-        f"is {secant.narrowest} as wide as before the measurement. With a perfect simulator, it would be {exact.narrowest} as "
-        "wide.\n"
-        f"The intervals of the other five parameters would be {exact.others} as wide even with a perfect simulator. To "
-        "determine these five, you need other measurements.\n"
+        f"is {secant.narrowest} as wide as before the measurement.\n\n"
+        "Even with a perfect simulator, ten measured piles would not determine five of the six contact parameters, so these five "
+        f"need other measurements. The 95 % intervals of the five would still be {exact.others} as wide as before the "
+        f"measurement. The interval of `{NARROWEST}`, {KIND[NARROWEST]}, would be {exact.narrowest} as wide.\n"
     )
 
 
@@ -1276,8 +1276,8 @@ def open_region():
     return (
         f"For the goji berry, history matching rules out very few parameter sets: {100 * share:.0f} % of the searched space "
         "remains possible if we assume the default error of the simulator. History matching is a method that rejects a "
-        "parameter set if its piles differ too much from the measured ones. The figure divides the ranges of two parameters at "
-        f"a time into cells. Of these cells, {cells} ruled out:\n"
+        "parameter set if its piles differ too much from the measured ones. The next figure divides the ranges of two parameters "
+        f"at a time into cells. Of these cells, {cells} ruled out:\n"
     )
 
 
