@@ -76,7 +76,7 @@ def scene(crop: str, arrays: dict, number: int) -> Scene:
     half = float(np.hypot(*centres.T[:2]).max())
     height = float(centres[:, 2].max())
     left = -half - 180
-    made = Scene(
+    return Scene(
         seed=number,
         crop=crop,
         angle=25.0,
@@ -95,13 +95,12 @@ def scene(crop: str, arrays: dict, number: int) -> Scene:
         focal=0.9 * 1280,
         uneven=rng.uniform(0, 0.4),
         sheet_left=left,
+        simulated_grains=(
+            centres,
+            arrays[f"quaternion_{seed}"][kept],
+            np.ones(len(centres)),
+        ),
     )
-    made.__dict__["grains"] = (
-        centres,
-        arrays[f"quaternion_{seed}"][kept],
-        np.ones(len(centres)),
-    )
-    return made
 
 
 def main() -> None:

@@ -86,6 +86,8 @@ class Scene:
     with_sheet: bool = True
     sheet_left: float = -300.0
     sheet_yaw: float = 0.0
+    # Centres, rotations and sizes of simulated grains, in place of an invented heap.
+    simulated_grains: tuple | None = None
 
     @cached_property
     def rng(self):
@@ -97,7 +99,9 @@ class Scene:
 
     @property
     def grains(self):
-        """Centres (N, 3), rotations (N, 3, 3) and sizes (N,) of the pile's grains."""
+        """Centres (N, 3), quaternions (N, 4) and sizes (N,) of the pile's grains."""
+        if self.simulated_grains is not None:
+            return self.simulated_grains
         return heap(self.seed, self.crop, self.angle, self.height)
 
     @cached_property

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import cv2
+import draw_piles
 import numpy as np
 import pytest
 import thirty
@@ -38,6 +39,23 @@ def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
     assert width == pytest.approx(210 / 25.4 * 72, abs=0.01)
     assert height == pytest.approx(297 / 25.4 * 72, abs=0.01)
     assert sheet.compute_size_mm(20.0) == (140.0, 180.0)
+
+
+def test_the_photographs_of_the_tutorial_show_the_simulated_grains():
+    seed = draw_piles.FIRST_SEED
+    positions = np.array([[0.0, 0.0, 0.02], [0.03, 0.0, 0.004], [0.2, 0.0, 0.004]])
+    arrays = {
+        f"position_{seed}": positions,
+        f"quaternion_{seed}": np.eye(3, 4),
+        f"in_pile_{seed}": np.array([True, True, False]),
+    }
+    shown = draw_piles.scene("pea", arrays, number=1)
+    centres, quaternions, sizes = shown.grains
+    assert centres == pytest.approx(1e3 * positions[:2])
+    assert quaternions == pytest.approx(np.eye(3, 4)[:2])
+    assert sizes.tolist() == [1.0, 1.0]
+    # There are no loose grains beside them.
+    assert len(shown.loose_grains[0]) == 0
 
 
 def views_of(lens, count, rng):
