@@ -12,7 +12,7 @@ over its campaigns of their own shares, and so is the stated probability. The st
 campaigns of right less stated, but no less than that of as many campaigns that are right with the stated probability.
 A class agrees if share and stated probability differ by at most two standard errors. Classes with fewer than ten
 campaigns do not count. The model was developed with other hidden sets, ten for each cell but `ripple`, and nothing is
-changed after this run: a class that does not agree stands with its numbers in docs/sequential.md.
+changed after this run: a class that does not agree stands with its numbers in research/docs/sequential_tests.md.
 """
 
 import numpy as np

@@ -27,10 +27,10 @@ PAGES = (
     "docs/article.md",
     "docs/angle_line.md",
     "docs/bench_measurements.md",
-    "docs/refinement.md",
     "research/docs/drum_slip.md",
     "research/docs/network_tests.md",
     "research/docs/uncertainty_tests.md",
+    "research/docs/second_stage.md",
 )
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 ANGLE = "aor_deg"

@@ -48,7 +48,8 @@ N_DRAWS = 8  # number of draws of variance and lengths
 DRAWS_SEED = 1
 # Prior of the factor on the variance of each draw: median, and standard deviation of
 # the logarithm. They come from campaigns in which the draws' variances were usually too
-# large. The hidden sets of these campaigns are not those of docs/sequential.md.
+# large. The hidden sets of these campaigns are not those of
+# research/docs/sequential_tests.md.
 FACTOR_MEDIAN = 0.7
 FACTOR_LOG_SD = 0.4
 FACTORS = np.exp(np.linspace(-2, 2, 81))  # values over which the factor is averaged
