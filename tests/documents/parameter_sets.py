@@ -25,7 +25,8 @@ PAGES = (
     "docs/results.md",
     "docs/uncertainty.md",
     "docs/article.md",
-    "docs/angle_line.md",
+    "research/docs/angle_line_tests.md",
+    "research/docs/kept_runs.md",
     "docs/bench_measurements.md",
     "research/docs/drum_slip.md",
     "research/docs/network_tests.md",
@@ -426,11 +427,10 @@ def open_intervals():
 
 
 def design():
-    """What the design of `goji_berry` already meets, and what the pile determines."""
+    """What the design of `goji_berry` already meets."""
     samples, meeting = meeting_samples(DEFAULT)
     shares = {name: covered_share(DEFAULT, meeting, name) for name in PARAMETERS}
     least, most = min(shares, key=shares.get), max(shares, key=shares.get)
-    pooled, secant, exact = open_shares()
     noise = sample_noise(DEFAULT)
     predicted = predicted_inside(DEFAULT)
     both = set(predicted["sample"]) & set(meeting["sample"])
@@ -454,19 +454,7 @@ def design():
         "Such a network averages out the random variation of the piles.\n"
         f"According to the network, {len(predicted)} of the sets meet both targets; in the simulations, {len(both)} of these "
         f"{len(predicted)} did. The {len(predicted)} sets cover only {100 * covered_share(DEFAULT, predicted, least):.0f} % of "
-        f"the range of `{least}`.\n\n"
-        "Ten measured goji berry piles hardly narrow the 95 % intervals of the contact parameters. The intervals also depend "
-        "on the error that we assume for the simulator itself: the larger this error, the wider they are. With our default "
-        f"assumption, {by_response(pooled.size)}, each of the six intervals is still {pooled.all} as wide as before the "
-        "measurement.\n\n"
-        "If our simulator were more accurate, the measured goji berry piles would tell us more about the contact parameters. "
-        f"Suppose that its error were only {by_response(secant.size)}. The 95 % interval of `{NARROWEST}`, {KIND[NARROWEST]}, "
-        f"would then be {secant.narrowest} as wide as before the measurement. With a perfect simulator, it would be "
-        f"{exact.narrowest} as wide.\n\n"
-        "The measured goji berry piles do not determine five of the six contact parameters. Even with a perfect simulator, the "
-        f"95 % intervals of these five would be at least {exact.others.split()[0]} % as wide as before the measurement. How "
-        f"well the piles determine the sixth parameter, `{NARROWEST}`, depends on the error of the simulator. This error is not "
-        "well known.\n"
+        f"the range of `{least}`.\n"
     )
 
 
