@@ -99,9 +99,11 @@ def invert(
     # Put the representative first, whether it is feasible or not.
     points = result.points
     if settings.answer == MIN_LOSS and model.can_predict_errors:
-        if result.is_supported:
+        if result.is_restricted_to_samples:
+            # Choose among the points found, since a minimum elsewhere is extrapolated.
             points = _put_best_by_loss_first(points, model, space, targets, preference)
         else:
+            # Minimise the loss over the whole ranges of the parameters.
             best = expected_loss.minimise_expected_loss(model, space, targets)
             points = _put_first(best, points, space, settings.distance)
     responses = predict(points)
@@ -152,7 +154,9 @@ class _SearchResult(NamedTuple):
     n_feasible: int  # number of feasible points that the search met
     evaluations: int  # number of points that were evaluated
     nearest_to_ranges: np.ndarray  # (d,), the best point of the first search
-    is_supported: bool  # whether all points lie in the region of the samples
+    # Whether the search was restricted to the region of the samples. This is the second
+    # search, after a first one without a feasible point near samples.
+    is_restricted_to_samples: bool
 
 
 def _search_parameters(
@@ -235,7 +239,7 @@ def _search_parameters(
         n_feasible=found.n_feasible,
         evaluations=evaluations,
         nearest_to_ranges=nearest_to_ranges,
-        is_supported=region is not None,
+        is_restricted_to_samples=region is not None,
     )
 
 

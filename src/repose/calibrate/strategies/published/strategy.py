@@ -126,8 +126,8 @@ def make_answer(
 ) -> Answer:
     """Make the answer from the representative solution of a search.
 
-    The representative solution is the one that the search chose among its feasible
-    ones, or the nearest one to the targets.
+    The representative solution is the first one of the table of solutions, whether it
+    is feasible or not (see `repose.calibrate.inversion.invert`).
 
     Parameters
     ----------
