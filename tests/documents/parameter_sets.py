@@ -291,24 +291,21 @@ def five_runs():
     others = [run for run in RUNS if run != PAPER]
     least = min(probability_inside(run) for run in others)
     return (
-        "Each of our five calibrations of the goji berry ends with a check, in which the program simulates new piles with the "
-        "calibrated parameters. In all five checks, the mean angle is within its target range of 31 to 34°, and the mean pile "
-        "height is within its target range of 64 to 69 mm.\n\n"
-        "The check of a calibration has a limited number of piles, so the means of very many piles could still lie outside the "
-        "target ranges. The program estimates the probability that both means, of angle and height, are within their ranges. "
-        f"For four of our five calibrations of the goji berry, this probability is at least {least:.2f}.\n"
-        f"For the run `paper`, it is only {unsure:.2f}. This run has the settings of Ji et al. 2026 and only eight piles in its "
-        "check. The program calls such a result [undecided](glossary.md), which means that the check needs more piles.\n\n"
-        "Different contact parameters can produce the same pile, so do not read calibrated values as properties of the berry. "
-        "Two of our calibrations show this: `goji_berry`, which has the default settings, and `fast`, which needs fewer piles. "
-        "Both use the same model of the berry, but each run searches for the parameters on its own. Both results meet the "
-        f"targets. Nevertheless, their parameters differ by {largest_difference(fast, DEFAULT)} of the width of the ranges that "
-        "were searched.\n"
-        "A third calibration, `wider`, again gives different values for the same model. In this run, we searched a wider range "
-        f"of `mus_gg`, {KIND['mus_gg']}. Its parameters differ from those of `goji_berry` by "
-        f"{largest_difference(WIDER, DEFAULT)} of the width of the ranges.\n\n"
-        "Our five calibrations of the goji berry are not five independent repetitions. The run `refined` continues the run "
-        "`goji_berry` with more piles, so their results are similar: each parameter differs by at most "
+        "**The piles of all five answers meet the targets.** Each run ends with a check, in which the program simulates new piles "
+        "with the answer. In all five checks, the mean angle and the mean height are within the target ranges.\n\n"
+        "A check has a limited number of piles, so the means of very many piles could still lie outside the target ranges. The "
+        "program estimates the probability that both means, of angle and height, are within their ranges. For four of the five "
+        f"runs, this probability is at least {least:.2f}.\n"
+        f"For the run `paper`, it is only {unsure:.2f}. This run has only eight piles in its check. The program calls such a "
+        "result [undecided](glossary.md), which means that the check needs more piles.\n\n"
+        "**Different contact parameters can produce the same pile,** so do not read calibrated values as properties of the berry. "
+        "The runs `goji_berry` and `fast` show this: they use the same model of the berry, but each searches on its own. The "
+        f"parameters of their answers differ by {largest_difference(fast, DEFAULT)} of the width of the searched ranges.\n"
+        "A further run with the same model, `wider`, again has a different answer. In this run, we searched a wider range of "
+        f"`mus_gg`, {KIND['mus_gg']}. Its parameters differ from those of `goji_berry` by {largest_difference(WIDER, DEFAULT)} "
+        "of the width of the ranges.\n\n"
+        "The five runs are not five independent repetitions. The run `refined` continues the run `goji_berry` with more piles, so "
+        "their answers are similar: each parameter differs by at most "
         f"{largest_difference(refined, DEFAULT).rpartition(' to ')[2]} of the width of its range. The runs `paper` and "
         "`matched` use another model of the berry and another contact law.\n"
     )
@@ -474,11 +471,11 @@ def bounds():
     return (
         "A search finds solutions only inside the ranges that you give for the parameters. The ends of a range are called its "
         "bounds. If many solutions lie at a bound, better solutions may lie beyond it.\n"
-        f"In the run `goji_berry`, our default calibration, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. The parameter set "
-        f"that the run proposes does not lie at this bound: its `mus_gg` is {answer['mus_gg']:.3f}, and the bound is {low:g}.\n\n"
-        "To test whether this bound excludes good parameter sets, we repeated the calibration with a wider range of `mus_gg` "
-        "(the run `wider`). Below the bound, which is that of Table 2 of Ji et al. 2026, parameter sets meet both targets "
-        "[about as often](results.md#five-runs-five-parameter-sets) as above it. So values below the bound are possible, too.\n"
+        f"In the run `goji_berry`, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. The parameter set that the run proposes does not "
+        f"lie at this bound: its `mus_gg` is {answer['mus_gg']:.3f}, and the bound is {low:g}.\n\n"
+        "Values of `mus_gg` below this bound are possible, too. The bound is that of Table 2 of Ji et al. 2026. To test it, we "
+        "repeated the calibration with a wider range of `mus_gg` (the run `wider`). Below the bound, parameter sets meet both "
+        "targets [about as often](results.md#five-runs-five-parameter-sets) as above it.\n"
     )
 
 
@@ -497,15 +494,14 @@ def wider_run():
     ]
     chance = stats.fisher_exact(counts).pvalue
     return (
-        f"Are there good parameter sets below the bound of {old_low:g} that Ji et al. 2026 use for `mus_gg`, {KIND['mus_gg']}? To "
-        f"find out, we repeated the default calibration with a range from {low:g} to {high:g}. This run is called `wider`. "
-        f"Of its parameter sets below the bound, {meeting_beyond.sum()} of {beyond.sum()} meet both targets. Above the bound, "
-        f"{(~meeting_beyond).sum()} of {(~beyond).sum()} do. A difference of this size can easily arise by chance (Fisher's "
-        f"exact test, p = {chance:.2f}), so the bound does not separate good parameter sets from bad ones.\n\n"
-        f"The search of the run `wider` could go down to {low:g}, but it ended near the article's bound: the `mus_gg` of its "
-        f"{len(solutions)} solutions lies between {solutions.min():.3f} and {solutions.max():.3f}. Lower values are therefore "
-        f"possible, but not needed. New piles with the set that this run proposes have an angle of {check[ANGLE][0]} and a "
-        f"height of {check[HEIGHT][0]}, so they meet both targets.\n"
+        f"In the run `wider`, we searched `mus_gg` from {low:g} to {high:g}. Of its samples below the bound of {old_low:g}, "
+        f"{meeting_beyond.sum()} of {beyond.sum()} meet both targets. Above the bound, {(~meeting_beyond).sum()} of "
+        f"{(~beyond).sum()} do. A difference of this size can easily arise by chance (Fisher's exact test, p = {chance:.2f}), so "
+        "the bound does not separate good parameter sets from bad ones.\n\n"
+        f"Lower values of `mus_gg` are possible, but not needed: the search of the run `wider` ended near the article's bound. The "
+        f"`mus_gg` of its {len(solutions)} solutions lies between {solutions.min():.3f} and {solutions.max():.3f}.\n"
+        f"New piles with the answer of this run have an angle of {check[ANGLE][0]} and a height of {check[HEIGHT][0]}, so they "
+        "meet both targets.\n"
     )
 
 
@@ -535,10 +531,9 @@ def overlaps():
     )
     without = [run.name for run in RUNS if run.solutions is None]
     return (
-        "For most parameters, our calibrations and that of Ji et al. 2026 end with different values. In both studies, a "
-        "solution is a parameter set that is predicted to meet the targets, and the 90 solutions of a search are kept. For "
-        "each of the six parameters, we checked whether our solutions and theirs (Table 3 of the article) have values in "
-        "common. The number of parameters for which they do is\n\n"
+        "For most parameters, our solutions and those of Ji et al. 2026 have different values. A solution is a parameter set that "
+        "is predicted to meet the targets, and each search keeps 90 of them. We compared our solutions with theirs (Table 3 of "
+        "the article). The number of parameters for which both have values in common is\n\n"
         f"{listed_counts}\n\n"
         f"The runs {listed(without)} use other kinds of search and have no list of 90 solutions.\n"
     )
@@ -682,28 +677,23 @@ def published_verdict():
     # A pour of the article is taken to scatter as ours do.
     pour = (sets[f"{ANGLE}_se"] * np.sqrt(sets["pours"])).mean()
     return (
-        "In our simulator, the angles of the parameter sets that Ji et al. 2026 published lie within the target range of "
-        f"{low:g} to {high:g}° or below it, depending on the line along which the angle is measured. We simulated {len(sets)} "
-        "of their parameter sets. We calibrate with the flank, the side of the pile between 30 and 80 % of its height. Along "
-        f"the flank, {inside[ANGLE].sum() or 'none'} of the {len(sets)} sets has a mean angle within the target range; "
-        f"{clear.sum()} sets lie below it by more than two standard errors.\n"
-        f"Along the straightest part of a side, {inside[STRAIGHTEST].sum()} sets are within the range, and the remaining one is "
-        f"just below it ({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
-        f"In our simulator, the parameter sets that Ji et al. 2026 published give piles of the right height. For {all_heights} "
-        f"of the {len(sets)} sets, the mean height of the simulated piles is within the target range of {height_range[0]:g} to "
-        f"{height_range[1]:g} mm.\n\n"
-        "With the same contact parameters, the piles in our simulator are flatter than those in the simulator of Ji et al. "
-        f"2026. They report a simulated angle for {count} of their parameter sets, each from a single pile. On average over "
-        f"these sets, our angle is {with_error(flatter, error)}° smaller if we measure it along the flank, the side between 30 "
-        f"and 80 % of the height. Along the straightest part of a side, it is {with_error(straight, straight_error)}° smaller. "
-        "The numbers after ± are standard errors.\n\n"
-        "Our simulator probably gives flatter piles than the simulator of Ji et al. 2026, but this is not certain. The mean "
-        f"difference between the two simulators comes from only {count} parameter sets. Its standard error, which we estimated "
-        f"from the same {count} differences, may therefore be too small. Suppose that the angles of single piles in their "
-        f"simulator have a standard deviation of {pour:.1f}°, as in ours. The mean difference then has a standard error of "
+        "The line decides whether the angles of the published sets are within the target range of "
+        f"{low:g} to {high:g}° or below it. Along `flank`, {inside[ANGLE].sum() or 'none'} of the {len(sets)} sets has a mean "
+        f"angle within the range; {clear.sum()} sets lie below it by more than two standard errors.\n"
+        f"Along `straightest`, {inside[STRAIGHTEST].sum()} sets are within the range, and the remaining one is just below it "
+        f"({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
+        f"The published sets give piles of the right height. For {all_heights} of the {len(sets)} sets, the mean height of our "
+        f"piles is within the target range of {height_range[0]:g} to {height_range[1]:g} mm.\n\n"
+        f"With the same contact parameters, our piles are flatter than those of Ji et al. 2026. They report a simulated angle for "
+        f"{count} published sets, each from a single pile. On average over these sets, our angle is "
+        f"{with_error(flatter, error)}° smaller along `flank`, and {with_error(straight, straight_error)}° smaller along "
+        "`straightest`. The numbers after ± are standard errors.\n\n"
+        "Our simulator probably gives flatter piles than the simulator of Ji et al., but this is not certain. The standard errors "
+        f"may be too small, because we estimated each from only {count} differences. Suppose that the angles of single piles in "
+        f"their simulator have a standard deviation of {pour:.1f}°, as in ours. The mean difference then has a standard error of "
         f"{pour / np.sqrt(count):.1f}°, and it may be due to chance.\n\n"
-        "If you calibrate our simulator, its flatter piles are no obstacle. A calibration changes the contact parameters until "
-        "the angle along the flank agrees with the angle that Ji et al. 2026 measured.\n"
+        "If you calibrate our simulator, its flatter piles are not an obstacle. A calibration changes the contact parameters until "
+        "the angle along `flank` agrees with the measured angle.\n"
     )
 
 
@@ -1024,9 +1014,10 @@ def pours_of_default():
     """How many pours of the design of `goji_berry` came to rest."""
     summary = json.loads((KEPT / DEFAULT.folder / "dataset_summary.json").read_text())
     return (
-        "In the run `goji_berry`, our calibration with the default settings, the program simulates six piles for each of "
-        f"{summary['samples']} parameter sets, {summary['runs']} in all. It uses the {summary['runs_ok']} piles that came to "
-        "rest, and leaves out those whose berries were still moving after 18 s.\n"
+        "The run `goji_berry` is our calibration with the default settings. It simulates six piles for each of its "
+        f"{summary['samples']} samples, {summary['runs']} in all. The samples are the parameter sets that a run simulates before "
+        f"its search. The program uses the {summary['runs_ok']} piles that came to rest, and leaves out those whose berries were "
+        "still moving after 18 s.\n"
     )
 
 
@@ -1462,6 +1453,11 @@ def further_tests():
     ]
     return (
         f"{markdown(head, rows)}\n"
+        "Only the first two rows of the table use the piles that were measured in the experiment. For the other rows, we computed "
+        "[synthetic measurements](research/docs/joint_targets.md) with an earlier version of the simulator.\n"
+        "We assumed that a direct test has a standard deviation of 0.03 if it measures a coefficient of restitution, 0.035 for a "
+        "static friction and 0.005 for a rolling friction. If the results of your own tests vary more, you will get wider 95 % "
+        "intervals than in the table.\n\n"
         "Two kinds of measurement give the most information about the contact parameters per hour of work. Information is "
         "measured in bits, and each bit rules out half of the remaining possibilities.\n\n"
         "- Read [seven more numbers](research/docs/second_responses.md), which describe the shape of the pile, from the "
@@ -1470,12 +1466,7 @@ def further_tests():
         f"- Measure the friction between grain and wall directly. This takes {by_set.loc['direct mus_gp', 'minutes']:.0f} "
         f"minutes and yields {by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the error of the simulator. It only "
         "helps if the friction on the wall is important in the machine that you want to simulate. The pile itself hardly "
-        "depends on it.\n\n"
-        "In the table of measurements, only the first two rows use the piles that were measured in the experiment. For the "
-        "other rows, we computed [synthetic measurements](research/docs/joint_targets.md) with an earlier version of the "
-        "simulator. We assumed that a direct test has a standard deviation of 0.03 if it measures a coefficient of "
-        "restitution, 0.035 for a static friction and 0.005 for a rolling friction. If the results of your own tests vary "
-        "more, you will get wider 95 % intervals than in the table.\n"
+        "depends on it.\n"
     )
 
 
@@ -1486,18 +1477,18 @@ def left_open():
     pooled, _, exact = open_shares()
     angle_sd, height_sd = samples[[ANGLE, HEIGHT]].std()
     return (
-        f"**With the error that we assume for the simulator, {pooled.size}, the measured piles determine none of the six "
-        "parameters.** We [estimated](research/docs/uncertainty_tests.md#where-the-size-of-the-discrepancy-comes-from) this error "
-        "from the differences between plausible "
-        f"models of the berry. It is large: the piles of the {len(samples)} parameter sets that the run `goji_berry` simulated "
-        f"first, all over the searched ranges, have a standard deviation of only {angle_sd:.1f}° and {height_sd:.1f} mm.\n"
+        "**The measured piles determine none of the six parameters, if the simulator has the error that we assume, "
+        f"{pooled.size}.** We [estimated](research/docs/uncertainty_tests.md#where-the-size-of-the-discrepancy-comes-from) this "
+        "error from the differences between plausible models of the berry. It is large: the piles of the "
+        f"{len(samples)} parameter sets that the run `goji_berry` simulated first, all over the searched ranges, have a standard "
+        f"deviation of only {angle_sd:.1f}° and {height_sd:.1f} mm.\n"
         f"With a perfect simulator, the measured piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of "
         f"its width. Each of the other five intervals would keep {exact.others} of its width.\n\n"
-        f"Many combinations of parameters remain possible after the measurement. Of the {len(samples)} parameter sets that the "
-        f"run `goji_berry` simulated first, {len(meeting)} ({100 * len(meeting) / len(samples):.0f} %) gave piles within both "
-        "target ranges, 31 to 34° and 64 to 69 mm. The simulator itself has an error, too. If we allow for it, "
+        f"Many combinations of parameters remain possible after the measurement. Of the {len(samples)} parameter sets of "
+        f"`goji_berry`, {len(meeting)} ({100 * len(meeting) / len(samples):.0f} %) gave piles within both target ranges, 31 to 34° and 64 to "
+        "69 mm. If we also allow for the error of the simulator, "
         f"[{100 * region:.0f} % of the searched space](docs/uncertainty.md#the-region-that-is-not-excluded) remains possible.\n\n"
-        "You should use the six calibrated values only together, and only for piles like the measured one. "
+        "So use the six calibrated values only together, and only for piles like the measured one. "
         "A pile alone does not give you parameters for a conveyor or a packing machine, but it shows "
         "[which further tests you need](#what-a-pile-leaves-open).\n"
     )
