@@ -532,8 +532,8 @@ def overlaps():
     without = [run.name for run in RUNS if run.solutions is None]
     return (
         "For most parameters, our solutions and those of Ji et al. 2026 have different values. A solution is a parameter set that "
-        "is predicted to meet the targets, and each search keeps 90 of them. We compared our solutions with theirs (Table 3 of "
-        "the article). The number of parameters for which both have values in common is\n\n"
+        "is predicted to meet the targets, and each search keeps a list of 90 solutions. We compared our lists with theirs (Table "
+        "3 of the article). The number of parameters for which two lists have values in common is\n\n"
         f"{listed_counts}\n\n"
         f"The runs {listed(without)} use other kinds of search and have no list of 90 solutions.\n"
     )
@@ -1485,8 +1485,8 @@ def left_open():
         f"With a perfect simulator, the measured piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of "
         f"its width. Each of the other five intervals would keep {exact.others} of its width.\n\n"
         f"Many combinations of parameters remain possible after the measurement. Of the {len(samples)} parameter sets of "
-        f"`goji_berry`, {len(meeting)} ({100 * len(meeting) / len(samples):.0f} %) gave piles within both target ranges, 31 to 34° and 64 to "
-        "69 mm. If we also allow for the error of the simulator, "
+        f"`goji_berry`, {len(meeting)} ({100 * len(meeting) / len(samples):.0f} %) gave piles within both target ranges, 31 to 34° "
+        "and 64 to 69 mm. If we also allow for the error of the simulator, "
         f"[{100 * region:.0f} % of the searched space](docs/uncertainty.md#the-region-that-is-not-excluded) remains possible.\n\n"
         "So use the six calibrated values only together, and only for piles like the measured one. "
         "A pile alone does not give you parameters for a conveyor or a packing machine, but it shows "
