@@ -471,8 +471,8 @@ def bounds():
     return (
         "A search finds solutions only inside the ranges that you give for the parameters. The ends of a range are called its "
         "bounds. If many solutions lie at a bound, better solutions may lie beyond it.\n"
-        f"In the run `goji_berry`, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. The parameter set that the run proposes does not "
-        f"lie at this bound: its `mus_gg` is {answer['mus_gg']:.3f}, and the bound is {low:g}.\n\n"
+        f"In our default calibration, the run `goji_berry`, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. The parameter set that "
+        f"the run proposes does not lie at this bound: its `mus_gg` is {answer['mus_gg']:.3f}, and the bound is {low:g}.\n\n"
         "Values of `mus_gg` below this bound are possible, too. The bound is that of Table 2 of Ji et al. 2026. To test it, we "
         "repeated the calibration with a wider range of `mus_gg` (the run `wider`). Below the bound, parameter sets meet both "
         "targets [about as often](results.md#five-runs-five-parameter-sets) as above it.\n"
