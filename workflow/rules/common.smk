@@ -1,12 +1,17 @@
 # Shared by all rules: the study, which is made of snakemake's `config`, and what rules have in common.
 import collections
 import functools
+import gc
 import json
 import math
 import os
 import shlex
 import sys
 from pathlib import Path
+
+# What Snakemake has loaded so far stays in use to the end. Excluded from garbage
+# collection, it no longer costs a quarter of the time in which the rules are read.
+gc.freeze()
 
 # Before numpy is loaded, as in a subcommand: the matrices are small.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
