@@ -280,7 +280,7 @@ def _describe_samples_meeting_targets(results: Results) -> str:
     widest, widest_name = max(spans, key=itemgetter(0))
     return (
         f"{len(samples_inside)} of the {len(samples)} simulated samples already lie "
-        "inside all target ranges; they span between "
+        "inside all target ranges, some of them by chance. Their values span between "
         f"{100 * narrowest:.0f} % (for {narrowest_name}) and {100 * widest:.0f} % (for "
         f"{widest_name}) of the searched ranges."
     )
