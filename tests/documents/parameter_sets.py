@@ -529,23 +529,6 @@ def common_parameters(run):
     return common, found, published
 
 
-def overlaps():
-    """In how many parameters each search's solutions overlap the article's Table 3."""
-    listed_counts = "\n".join(
-        f"- {len(common_parameters(run)[0])} of 6 in the run {run.name}, which has {SETTINGS[run.folder]}"
-        for run in RUNS
-        if run.solutions
-    )
-    without = [run.name for run in RUNS if run.solutions is None]
-    return (
-        "For half of the parameters or more, our solutions and those of Ji et al. 2026 have no value in common. A solution is a "
-        "parameter set that is predicted to meet the targets. Ji et al. 2026 and three of our runs each keep a list of 90 "
-        "solutions. The number of parameters for which our list and theirs (Table 3 of the article) have values in common is\n\n"
-        f"{listed_counts}\n\n"
-        f"The runs {listed(without)} use other kinds of search and have no list of 90 solutions.\n"
-    )
-
-
 def intervals():
     """The spans of the solutions found beside the article's Table 3."""
     head = ["", *(f"`{name}`" for name in PARAMETERS), "overlap with the article"]
@@ -1396,8 +1379,9 @@ def further_tests():
     sets = pd.read_csv(KEPT / "joint_targets" / "sets.csv")
     by_set = pd.concat([tests, sets]).drop_duplicates("set").set_index("set")
     ways = pd.read_csv(KEPT / "joint_targets/responses/ways.csv")
-    profile = ways[(ways["way"] == "profile") & (ways["discrepancy_percent"] == 2)]
-    photographs = profile.iloc[0]
+    photographs = ways[ways["way"] == "profile"].iloc[0]
+    perfect = open_shares()[2]
+    second_perfect = widths_of(SECOND.table("posterior/discrepancy.csv").iloc[0])
 
     def of_set(name):
         row = by_set.loc[name]
@@ -1426,6 +1410,13 @@ def further_tests():
             "-",
             "2 %",
             describe_kept(by_discrepancy(2), ("mus_gg", "mur_gg")),
+        ],
+        [
+            "the same",
+            "-",
+            "none",
+            f"`{NARROWEST}` {perfect.narrowest} ({100 * second_perfect[NARROWEST]:.0f} % on another type of processor), "
+            f"the others {perfect.others}",
         ],
         [
             "many numbers of ten new piles: several angles, loose grains, spread, packing",
@@ -1460,46 +1451,34 @@ def further_tests():
     ]
     return (
         f"{markdown(head, rows)}\n"
-        "Only the first two rows of the table use the piles that were measured in the experiment. For the other rows, we computed "
-        "[synthetic measurements](research/docs/joint_targets.md) with an earlier version of the simulator.\n"
-        "We assumed that a direct test has a standard deviation of 0.03 if it measures a coefficient of restitution, 0.035 for a "
-        "static friction and 0.005 for a rolling friction. If the results of your own tests vary more, you will get wider 95 % "
-        "intervals than in the table.\n\n"
-        "Two kinds of measurement give the most information about the contact parameters per hour of work. Information is "
-        "measured in bits, and each bit rules out half of the remaining possibilities.\n\n"
-        "- Read [seven more numbers](research/docs/second_responses.md), which describe the shape of the pile, from the "
-        f"photographs that you already have. This takes {photographs['minutes']:.0f} minutes. If the simulator has an error of "
-        f"2 %, it yields {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits.\n"
-        f"- Measure the friction between grain and wall directly. This takes {by_set.loc['direct mus_gp', 'minutes']:.0f} "
-        f"minutes and yields {by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the error of the simulator. It only "
-        "helps if the friction on the wall is important in the machine that you want to simulate. The pile itself hardly "
-        "depends on it.\n"
+        "The first three rows use the measured piles. For the other rows, we computed "
+        "[synthetic measurements](research/docs/joint_targets.md) with an earlier version of the simulator. We assumed standard "
+        "deviations of 0.03 for a measured coefficient of restitution, 0.035 for a static friction and 0.005 for a rolling "
+        "friction. Tests with more variation give wider intervals.\n\n"
+        "Two measurements tell you most about the parameters per hour of work:\n\n"
+        "- **Seven more numbers from the photographs that you already have.** They [describe the shape of the "
+        f"pile](research/docs/second_responses.md), and reading them takes {photographs['minutes']:.0f} minutes. They help most if "
+        "the simulator is nearly right.\n"
+        "- **The friction between grain and wall,** on an inclined plane. This takes "
+        f"{by_set.loc['direct mus_gp', 'minutes']:.0f} minutes. It only helps if this friction is important in your machine, "
+        "because the pile hardly depends on it.\n"
     )
 
 
 def left_open():
-    """What a pile leaves open, in a paragraph, for README."""
+    """What a pile leaves open, in three short paragraphs, for README."""
     samples, meeting = meeting_samples(DEFAULT)
     region = DEFAULT.table("posterior/region.csv")["share"].mean()
-    pooled, _, exact = open_shares()
-    angle_sd, height_sd = samples[[ANGLE, HEIGHT]].std()
-    second_exact = widths_of(SECOND.table("posterior/discrepancy.csv").iloc[0])
+    pooled, _, _ = open_shares()
     return (
-        "**The measured piles alone determine none of the six parameters.** This holds if the simulator is wrong by as much as we "
-        f"assume, {pooled.size}. We [estimated](research/docs/uncertainty_tests.md#where-the-size-of-the-discrepancy-comes-from) "
-        "this error from the differences between plausible models of the berry. It is large beside the effect of the parameters: "
-        f"the piles of {len(samples)} parameter sets from all over the searched ranges have a standard deviation of only "
-        f"{angle_sd:.1f}° and {height_sd:.1f} mm.\n"
-        f"With a perfect simulator, the measured piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of "
-        f"its width ({100 * second_exact[NARROWEST]:.0f} % in the same study on another type of processor). Each of the other "
-        f"five intervals would keep {exact.others} of its width.\n\n"
-        f"Many combinations of parameters remain possible after the measurement. Of the {len(samples)} parameter sets of "
-        f"`goji_berry`, {len(meeting)} ({100 * len(meeting) / len(samples):.0f} %) gave piles within both target ranges, 31 to 34° "
-        "and 64 to 69 mm. If we also allow for the error of the simulator, "
-        f"[{100 * region:.0f} % of the searched space](docs/uncertainty.md#the-region-that-is-not-excluded) remains possible.\n\n"
-        "So use the six calibrated values only together, and only for piles like the measured one. "
-        "A pile alone does not give you parameters for a conveyor or a packing machine, but it shows "
-        "[which further tests you need](#what-a-pile-leaves-open).\n"
+        "**The measured piles alone determine none of the six parameters,** because very different parameters give nearly the same "
+        f"pile. Of the {len(samples)} sets that the study simulates first, {len(meeting)} gave piles within both target ranges.\n\n"
+        "The simulator may be wrong, too. We [estimate](research/docs/uncertainty_tests.md#where-the-size-of-the-discrepancy-comes-from) "
+        f"that its piles may differ from real ones by {pooled.size}. If we allow for this error, "
+        f"[{100 * region:.0f} % of the searched space](docs/uncertainty.md#the-region-that-is-not-excluded) remains possible after "
+        "the measurement.\n\n"
+        "So use the six calibrated values only together, and only for piles like the measured one. A pile alone does not give you "
+        "parameters for a conveyor or a packing machine, but it shows which further tests you need.\n"
     )
 
 
@@ -1514,10 +1493,8 @@ def equal_berries():
     changes = (unequal[columns] - equal[columns]).dropna()
     angle, height = (mean_with_error(changes[column]) for column in columns)
     return (
-        "**All 500 simulated berries are identical.** Each is smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, which is the mean "
-        "of fifty berries of 15 to 25 mm. Real berries differ in size, but this hardly changes the pile. In "
-        f"{len(changes)} pairs of models, berries that differ in size like the fifty changed the angle by {angle}° and the height "
-        f"by {height} mm.\n"
+        "- **All 500 simulated berries are identical.** Real berries differ in size, but this hardly changes the pile. In "
+        f"{len(changes)} pairs of models, berries of different sizes changed the angle by {angle}° and the height by {height} mm.\n"
     )
 
 
@@ -1885,7 +1862,6 @@ TEXTS = {
     "open_region": open_region,
     "open_intervals": open_intervals,
     "optimism": optimism,
-    "overlaps": overlaps,
     "paper_run": paper_run,
     "posterior_errors": posterior_errors,
     "pours_for_a_percent": pours_for_a_percent,
