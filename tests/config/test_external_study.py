@@ -53,6 +53,11 @@ def simulator(**changes):
     return {"simulator": STUDY["simulator"] | changes}
 
 
+def test_the_short_form_takes_a_note_for_the_report():
+    assert loaded().settings.note is None
+    assert loaded(note="Measured by A.").settings.note == "Measured by A."
+
+
 def test_the_short_form_becomes_that_of_the_stages():
     study = loaded(check_inputs=True)
     assert isinstance(study, ExternalConfig)

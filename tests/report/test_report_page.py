@@ -303,6 +303,16 @@ def test_faults_name_the_input(tmp_path):
         input_error(message, written, (config, jobs, files_given), tmp_path)
 
 
+def test_the_note_of_a_study_stands_below_the_verdict(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    without = config | {"note": None}
+    assert 'id="data"' not in written((without, jobs, files), tmp_path)
+    noted = config | {"note": "Measured by A & B in <2020>."}
+    text = written((noted, jobs, files), tmp_path)
+    assert "<b>The data.</b> Measured by A &amp; B in &lt;2020&gt;." in text
+    assert text.index('class="verdict') < text.index('id="data"')
+
+
 def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_twice(
     tmp_path,
 ):
@@ -322,8 +332,8 @@ def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_tw
         )
         first = written(study, tmp_path)
         assert (
-            f"Results of 2023-11-14, by repose 9.8.7{origin}, on a &lt;type&gt;."
-            in first
+            f"Results of 2023-11-14, by repose 9.8.7{origin}, on a &lt;type&gt;. On another "
+            "type of processor, the same study gives other piles" in first
         )
         assert written(study, tmp_path) == first
     os.utime(table4, 2 * (1_800_014_400,))

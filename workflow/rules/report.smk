@@ -130,7 +130,7 @@ rule page:
         inputs=[f"--input={name}={path}" for name, path in PAGE.items()],
         tables=[f"--table={title}={path}" for title, path in TABLES.items()],
         settings=select_sections(
-            "label", "small_run", "parameters", "targets", "design"
+            "label", "note", "small_run", "parameters", "targets", "design"
         )
         | {"funnel": config["funnel"] if HAS_PILE else None},
     message:

@@ -110,9 +110,9 @@ COMPARED_STAGES = {
     "propose",
     "material_card",
 }
-# Keys on which no result depends: the name of the study, its folder, and the format of
-# its figures.
-KEYS_WITHOUT_EFFECT = ("label", "results_dir", "figures")
+# Keys on which no result depends: the name of the study and the note on its data, its
+# folder, and the format of its figures.
+KEYS_WITHOUT_EFFECT = ("label", "note", "results_dir", "figures")
 SIMULATOR_KEYS_WITHOUT_EFFECT = ("name", "memory_mb")
 
 

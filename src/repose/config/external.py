@@ -39,6 +39,7 @@ from repose.config import loader, results_folder
 from repose.config.models import (
     FiguresSettings,
     Label,
+    Note,
     ResultsFolder,
     StudySettings,
     make_settings_type,
@@ -61,6 +62,7 @@ MOVED_KEYS = {"seeds": "funnel.seeds", "seed": "design.seed"}
 # defaults are those of the fields of `ExternalFile`.
 COPIED_KEYS = (
     "label",
+    "note",
     "small_run",
     "results_dir",
     "photograph",
@@ -84,6 +86,10 @@ class ExternalFile(StudyFile):
 
     simulator: SimulatorSettings  # type: ignore[assignment]
     label: Label
+    note: Note | None = Field(
+        default=None,
+        description="what a reader of the report has to know about the data",
+    )
     results_dir: ResultsFolder = Field(
         default="results", description="folder for everything that is written"
     )

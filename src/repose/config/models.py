@@ -81,6 +81,11 @@ Colour = Annotated[
     Field(pattern=r"^#[0-9a-fA-F]{6}$"),
     Allowed('a colour in quotes, as "#cca86b"'),
 ]
+Note = Annotated[
+    str,
+    Field(min_length=1, max_length=600),
+    Allowed("text of 1 to 600 characters, or null"),
+]
 Number = Annotated[float, Field(ge=-MAX_SIZE, le=MAX_SIZE)]
 
 
@@ -350,6 +355,10 @@ class StudySettings(Section):
 
     label: Label = Field(
         description="name of the study, which is written into results",
+    )
+    note: Note | None = Field(
+        description="what a reader of the report has to know about the data of the "
+        "study, such as who measured them",
     )
     small_run: bool = Field(
         description="whether to mark figures and tables as results of a small run",

@@ -80,6 +80,7 @@ class AnswerSection:
     """The parameters with their intervals, and whether they meet the targets."""
 
     label: str  # name of the study
+    note: str | None  # what its configuration says about the data
     verdict: VerdictText
     impossible_targets: list[str]
     origin: str  # when, and by which version and machine, the results were made
@@ -154,6 +155,7 @@ def make_answer_section(results: Results) -> AnswerSection:
     is_unsettled = posterior is not None and posterior["r_hat"].max() > MAX_R_HAT
     return AnswerSection(
         label=results.label,
+        note=results.note,
         verdict=make_verdict(results),
         impossible_targets=list_warnings_of_impossible_targets(results.files),
         origin=_describe_origin(results),
@@ -185,13 +187,26 @@ def list_warnings_of_impossible_targets(files: Mapping[str, str]) -> list[str]:
 
 
 def _describe_origin(results: Results) -> str:
-    """State when the results were made, and by which version and processor."""
+    """State when the results were made, and by which version and processor.
+
+    If the piles were simulated by our own engine, also warn that another type of
+    processor rounds differently, and therefore gives other piles.
+    """
     version = results.origin.get("repose")
     processor = results.origin.get("processor")
     commit = ""
     if results.origin.get("commit"):
         commit = f", commit {results.origin['commit']}"
-    return f"Results of {results.date}, by repose {version}{commit}, on {processor}."
+    warning = ""
+    if results.settings is not None and results.simulator is None:
+        warning = (
+            " On another type of processor, the same study gives other piles, and "
+            "therefore other parameters."
+        )
+    return (
+        f"Results of {results.date}, by repose {version}{commit}, on {processor}."
+        f"{warning}"
+    )
 
 
 def _describe_determination(results: Results) -> str:

@@ -66,8 +66,9 @@ class Results:
 
     Attributes
     ----------
-    label, is_small_run
-        Name of the study, and whether it is only a trial.
+    label, note, is_small_run
+        Name of the study, what its configuration says about the data, and whether the
+        study is only a trial.
     targets, parameters
         The measured responses, and the parameters that were searched.
     answer_row
@@ -129,6 +130,7 @@ class Results:
     published_sets: pd.DataFrame = field(default_factory=pd.DataFrame)
     captions: Mapping[str, str] = field(default_factory=lambda: captions.STUDY_FIGURES)
     runs_of_answer: Sequence[Mapping[str, Any]] = ()
+    note: str | None = None
     assumed_errors: Sequence[float] = ()
 
     @property
@@ -199,6 +201,7 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
     modified = date.fromtimestamp(os.path.getmtime(answer_path))
     return Results(
         label=study.settings.label,
+        note=study.settings.note,
         is_small_run=study.settings.small_run,
         targets=targets,
         parameters=study.parameters,
