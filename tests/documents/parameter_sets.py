@@ -27,7 +27,6 @@ PAGES = (
     "docs/article.md",
     "research/docs/angle_line_tests.md",
     "research/docs/kept_runs.md",
-    "docs/bench_measurements.md",
     "research/docs/drum_slip.md",
     "research/docs/network_tests.md",
     "research/docs/uncertainty_tests.md",
