@@ -1,7 +1,7 @@
 """Comparison of the lines whose slope may be the angle of repose: bias on known shapes, noise, signal over a design.
 
 Every saved pile is measured by all definitions, and by other bands and points of the flank, each time on the same
-silhouettes. docs/measurement.md shows and discusses the tables.
+silhouettes. research/docs/angle_line_tests.md shows and discusses the tables.
 """
 
 import math

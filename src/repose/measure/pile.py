@@ -7,7 +7,8 @@ paper and the tables call it Height. A simulated pile is first projected to silh
 
 The paper does not define the part of a lumpy boundary through which the line goes. Five
 definitions are measured on every pile (`repose.measure.angles`), and the configuration
-names the one that is the response. Their biases and noise are in docs/measurement.md.
+names the one that is the response. Their biases and noise are in
+research/docs/angle_line_tests.md.
 
 OpenCV is imported where a picture is measured.
 """
