@@ -413,18 +413,21 @@ def open_shares():
 def open_intervals():
     """How wide the intervals stay, with the discrepancy of each number."""
     pooled, secant, exact = open_shares()
-    return (
-        "Ten measured piles of goji berries hardly narrow the 95 % intervals of the contact parameters. How narrow an interval "
-        "becomes depends on the error that we assume for the simulator itself, called the [discrepancy](#the-discrepancy). "
-        f"With the default, {by_response(pooled.size)} of a pile, each interval is still {pooled.all} as wide as before the "
-        "measurement.\n\n"
-        f"With a more accurate simulator, ten measured piles would determine `{NARROWEST}`, {KIND[NARROWEST]}, better. If we "
-        f"assume an error of only {by_response(secant.size)}, one of our smaller estimates, the 95 % interval of `{NARROWEST}` "
-        f"is {secant.narrowest} as wide as before the measurement.\n\n"
-        "Even with a perfect simulator, ten measured piles would not determine five of the six contact parameters, so these five "
-        f"need other measurements. The 95 % intervals of the five would still be {exact.others} as wide as before the "
-        f"measurement. The interval of `{NARROWEST}`, {KIND[NARROWEST]}, would be {exact.narrowest} as wide.\n"
-    )
+    rows = [
+        [f"{pooled.size}, the default", pooled.narrowest, pooled.others],
+        [
+            f"{secant.size}, one of our smaller estimates",
+            secant.narrowest,
+            secant.others,
+        ],
+        ["none: a perfect simulator", exact.narrowest, exact.others],
+    ]
+    head = [
+        "assumed error of the simulator",
+        f"`{NARROWEST}`, {KIND[NARROWEST]}",
+        "the other five parameters",
+    ]
+    return markdown(head, rows)
 
 
 def design():
@@ -1236,10 +1239,8 @@ def open_region():
     excluded = int((region["share"] == 0).sum())
     cells = "none is" if excluded == 0 else f"{excluded} of {len(region)} are"
     return (
-        f"For the goji berry, history matching rules out very few parameter sets: {100 * share:.0f} % of the searched space "
-        "remains possible if we assume the default error of the simulator. History matching is a method that rejects a "
-        "parameter set if its piles differ too much from the measured ones. The next figure divides the ranges of two parameters "
-        f"at a time into cells. Of these cells, {cells} ruled out:\n"
+        "For the goji berry, history matching rules out very few parameter sets: with the default error of the simulator, "
+        f"{100 * share:.0f} % of the searched space remains possible. Of the cells in the next figure, {cells} ruled out:\n"
     )
 
 
