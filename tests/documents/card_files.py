@@ -10,11 +10,20 @@ SCHEMA = ROOT / "src/repose/stages/card.schema.json"
 PAGE = ROOT / "docs/card.md"
 HEAD = """# The material card
 
-This page answers one question: what does each key of `card.json`, the answer of a study as one file, mean?
+This page answers one question: what does each key of the file `card.json` mean?
 
-Units are SI unless the key names another. A key in *italics* may be missing.
-[card.schema.json](../src/repose/stages/card.schema.json) is the schema. `python tests/documents/card_files.py` makes both
-from the models in `repose.stages.card`.
+A material card is the result of a calibration in one file, `card.json`. It describes the grain and the contact laws,
+lists the calibrated parameters, and records the experiments on which they are based. Use this page if you write a program that reads
+cards, or to look up a single key. To print a card, use `repose card show results/card.json`.
+
+- The file is a [Card](#card) if repose simulated the study, and an [OtherCard](#othercard) if another program did.
+  The other sections describe parts of these two.
+- A key in *italics* may be missing.
+- Units are SI unless the name of the key contains another unit.
+- Your program can check a card with the schema [card.schema.json](../src/repose/stages/card.schema.json).
+
+This page and the schema are made from the models in `repose.stages.card`. If you change a model,
+run `python tests/documents/card_files.py`.
 """
 
 

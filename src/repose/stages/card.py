@@ -45,12 +45,12 @@ class Grain(Wall):
     """The simulated grain."""
 
     mean_axes_mm: Three = Field(description="full axes, the longest first")
-    measured: int = Field(ge=1, description="number of grains")
+    measured: int = Field(ge=1, description="how many grains were measured")
     relative_spread: float = Field(
         ge=0,
         le=1,
-        description="standard deviation of the size over its mean; "
-        "0 where all are alike",
+        description="standard deviation of the size, divided by its mean; "
+        "0 if all grains are equal",
     )
     density_kg_m3: Density
     elastic_modulus_pa: Positive
@@ -61,10 +61,10 @@ class Grain(Wall):
         ABSENT, description="principal moments; cards of earlier versions lack them"
     )
     ellipsoids_mm: list[Three] = Field(
-        description="half axes of the ellipsoids that add up to the body"
+        description="half axes of the ellipsoids that form the body"
     )
     spheres_mm: list[Sphere] = Field(
-        description="x, y, z, radius of a multisphere's spheres"
+        description="x, y, z and radius of each sphere of a multisphere"
     )
 
 
@@ -76,57 +76,66 @@ class Simulation(Section):
 
 
 class Probability(Section):
-    """How probably the means of another simulator meet the targets."""
+    """How probable it is that the means of another simulator meet the targets."""
 
-    within_1_percent: Chance
-    within_2_percent: Chance
-    inside: Chance
+    within_1_percent: Chance = Field(description="all means within 1 % of the targets")
+    within_2_percent: Chance = Field(description="all means within 2 % of the targets")
+    inside: Chance = Field(description="all means inside their target ranges")
 
 
 class Parameter(Section):
-    """A parameter of the answer."""
+    """A parameter of the simulation, calibrated or fixed."""
 
-    meaning: str
+    meaning: str = Field(description="name of the parameter in words")
     value: float
-    low: float | None
-    high: float | None
+    low: float | None = Field(
+        description="lower end of the interval; null if there is none"
+    )
+    high: float | None = Field(
+        description="upper end of the interval; null if there is none"
+    )
     at_bound: Literal["lower", "upper"] = Field(
-        ABSENT, description="the end of the range at which the value lies"
+        ABSENT, description="the end of the searched range at which the value lies"
     )
     widened: Literal[True] = Field(
         ABSENT,
-        description="low or high is the value itself, which the interval did not hold",
+        description="the interval did not contain the value, so low or high is the "
+        "value itself",
     )
     given: Literal["calibrated", "calibrated from a prior", "fixed"]
     scale: Literal["log"] = Field(
         ABSENT,
-        description="of its range; correlations are those of the logarithm",
+        description="the range was searched in the logarithm of the parameter, and "
+        "correlations are those of the logarithm",
     )
 
 
 class Reach(Section):
     """Whether piles of these grains can have an angle at the target Height."""
 
-    line: str = Field(description="whose slope the angle is")
+    line: str = Field(
+        description="line at the side of the pile whose slope is the angle"
+    )
     bound_deg: float | None = Field(
-        description="the steepest by mass alone; null where mass sets no bound"
+        description="steepest angle that the mass of the grains allows; "
+        "null if it sets no bound"
     )
     band_deg: Annotated[list[float], Field(min_length=3, max_length=3)] = Field(
-        description="mean, standard deviation and largest of such piles"
+        description="mean, standard deviation and largest angle of such piles"
     )
     possible: bool
-    sentence: str
+    sentence: str = Field(description="the result in words")
 
 
 class Definition(Section):
     """How a response is measured."""
 
     name: str | None = Field(
-        description="one of `repose docs measurement`, "
-        "or another simulator's user's words"
+        description="a definition of `repose docs measurement`, or for another "
+        "simulator the words of its user"
     )
     settings: dict[str, JsonValue] = Field(
-        description="what the definition reads, units in the keys"
+        description="settings of the definition, with units in the keys"
     )
 
 
@@ -139,62 +148,70 @@ class Line(Section):
 
 
 class TestRow(Section):
-    """A response of the answer, compared with its target."""
+    """A measured response, compared with simulations with the calibrated parameters."""
 
-    response: str
-    apparatus: str
+    response: str = Field(description="what was measured, such as `aor_deg`")
+    apparatus: str = Field(description="the experiment, such as `funnel`")
     unit: str
-    measured: float
-    sd: NotNegative
-    repetitions: int = Field(ge=1)
-    low: float
-    high: float
+    measured: float = Field(description="mean of the measurements")
+    sd: NotNegative = Field(description="standard deviation of the measurements")
+    repetitions: int = Field(ge=1, description="number of measurements")
+    low: float = Field(description="lower end of the target range")
+    high: float = Field(description="upper end of the target range")
     whole: Positive = Field(
         ABSENT, description="100 % of a score of a profile, which may be 0 itself"
     )
     predicted: float = Field(
-        ABSENT, description="by the surrogate, before the runs of the check"
+        ABSENT, description="prediction of the surrogate before the check"
     )
     optimism: float = Field(
-        ABSENT, description="how much the prediction is expected to exceed the truth"
+        ABSENT,
+        description="how much the prediction is expected to exceed the true mean",
     )
     optimism_error: float | None = Field(
         ABSENT, description="standard error of the expected optimism"
     )
-    simulated: float | None
-    standard_error: NotNegative | None
-    runs: int = Field(ge=0)
+    simulated: float | None = Field(description="mean of the check's simulations")
+    standard_error: NotNegative | None = Field(
+        description="standard error of this mean"
+    )
+    runs: int = Field(ge=0, description="number of the check's simulations")
     status: str
-    met: bool | None = Field(description="null where it is undecided or not simulated")
+    met: bool | None = Field(
+        description="whether the mean lies in the target range; "
+        "null if it is undecided or not simulated"
+    )
     verdict: Annotated[str, OneOf(lambda: [state.value for state in Verdict])] = Field(
         ABSENT,
-        description="whether the mean lies inside; cards of older versions lack it",
+        description="the same in words; cards of older versions lack it",
     )
     probability_inside: Chance | None = Field(
         ABSENT,
-        description="that the simulator's mean lies inside, by the runs of the check; "
-        "null with fewer than two",
+        description="probability that the simulator's true mean lies in the target "
+        "range; null if fewer than two simulations",
     )
     reach: Reach = Field(
         ABSENT, description="whether piles can have this angle at the targeted Height"
     )
     definition: Definition
     line: str = Field(
-        ABSENT, description="of an angle of a pile: the line whose slope it is"
+        ABSENT, description="of an angle of a pile: the line whose slope is the angle"
     )
     definitions: dict[str, Line] = Field(
         ABSENT,
-        description="of an angle of a pile: the same piles by every definition",
+        description="of an angle of a pile: the same piles, measured by every "
+        "definition",
     )
     bench: dict[str, JsonValue] | None = Field(
-        description="as in the configuration; null of another simulator"
+        description="settings of the experiment as in the configuration; "
+        "null for another simulator"
     )
 
 
 class MadeBy(Section):
     """The program, settings and seed that made the card."""
 
-    version: str | None = Field(description="of repose")
+    version: str | None = Field(description="version of repose")
     commit: str | None
     configuration: str | None = Field(description="hash of all settings")
     engine: str | None = Field(description="hash of simulator and bench tests")
@@ -210,34 +227,35 @@ class AnyCard(Section):
     interval: Literal[
         "central 95 % of the posterior", "range of the parameter sets found"
     ] = Field(
-        description="what low and high are; a range of sets shows where a search ended "
-        "and is not an uncertainty"
+        description="what low and high are; a range of sets shows where a search ended, "
+        "not how uncertain a parameter is"
     )
     correlations: dict[str, dict[str, Annotated[float, Field(ge=-1, le=1)]]] = Field(
-        description="of the free parameters, within the same sets"
+        description="correlations of the calibrated parameters in the same sets"
     )
     near_bounds: list[str] = Field(
         ABSENT,
-        description="parameters within a standard error of the fit of a bound",
+        description="a clause for each parameter at most one standard error from a bound",
     )
     tests: Annotated[list[TestRow], Field(min_length=1)]
     met: bool | None = Field(
-        description="whether prediction and simulated piles meet every target; "
+        description="whether the prediction and the simulated piles meet every target; "
         "null if it is undecided or not simulated"
     )
     verdict: Annotated[str, OneOf(lambda: [state.value for state in Verdict])] = Field(
         ABSENT,
-        description="the same in a word; undecided: the probability of being inside "
-        "lies between 5 and 95 %",
+        description="the same in words; undecided means that the probability of being "
+        "inside lies between 5 and 95 %",
     )
     probability_inside: Chance | None = Field(
         ABSENT,
-        description="that all means lie inside their ranges, by the runs of the check; "
-        "null with fewer than two",
+        description="probability that all true means lie in their target ranges; "
+        "null if fewer than two simulations",
     )
     out_of_reach: bool = Field(
         ABSENT,
-        description="no set is predicted to meet the targets; these are the nearest",
+        description="no parameter set is predicted to meet the targets; these parameters are the "
+        "nearest",
     )
     reason: Text = Field(
         ABSENT,
@@ -245,16 +263,16 @@ class AnyCard(Section):
     )
     small_run: Literal[True] = Field(
         ABSENT,
-        description="the run shows that the chain works; "
-        "its numbers are no calibration",
+        description="the study was too small for a calibration, and only shows that the "
+        "program works",
     )
     within: dict[str, Chance | None] = Field(
-        description="probability that all means are so near their targets; "
-        "null with too few runs"
+        description="probability that all means lie within 1 % or 2 % of their targets; "
+        "null if too few simulations"
     )
     provenance: dict[str, JsonValue] = Field(
         ABSENT,
-        description="what the file stands on, as every result of repose carries it",
+        description="how the file was made, as in every result of repose",
     )
     made_by: MadeBy
 
@@ -277,16 +295,15 @@ class OtherCard(AnyCard):
     """The card of a study that another program simulated."""
 
     simulator: Text = Field(
-        description="another one than repose's; parameters and responses are columns "
-        "of its user's table"
+        description="name of the program; parameters and responses are columns of its "
+        "user's table"
     )
     probability: Probability = Field(
         ABSENT,
-        description="that the simulator's means lie within 1 % and 2 % of all targets, "
-        "and inside all ranges",
+        description="how probable it is that the means of the simulator meet the targets",
     )
     grain: Grain = Field(
-        ABSENT, description="of that simulator, where its user adds it"
+        ABSENT, description="grain of that simulator, if its user adds it"
     )
 
 
