@@ -294,24 +294,22 @@ def five_runs():
     unsure = probability_inside(PAPER)
     others = [run for run in RUNS if run != PAPER]
     least = min(probability_inside(run) for run in others)
+    most = largest_difference(refined, DEFAULT).rpartition(" to ")[2]
     return (
-        "**The piles of all five answers meet the targets.** Each run ends with a check, in which the program simulates new piles "
-        "with the answer. In all five checks, the mean angle and the mean height are within the target ranges.\n\n"
-        "A check has a limited number of piles, so the means of very many piles could still lie outside the target ranges. The "
-        "program estimates the probability that both means, of angle and height, are within their ranges. For four of the five "
-        f"runs, this probability is at least {least:.2f}.\n"
-        f"For the run `paper`, it is only {unsure:.2f}. This run has only eight piles in its check. The program calls such a "
-        "result [undecided](glossary.md), which means that the check needs more piles.\n\n"
-        "**Different contact parameters can produce the same pile,** so do not read calibrated values as properties of the berry. "
-        "The runs `goji_berry` and `fast` show this: they use the same model of the berry, but each searches on its own. The "
-        f"parameters of their answers differ by {largest_difference(fast, DEFAULT)} of the width of the searched ranges.\n"
-        "A further run with the same model, `wider`, again has a different answer. In this run, we searched a wider range of "
-        f"`mus_gg`, {KIND['mus_gg']}. Its parameters differ from those of `goji_berry` by {largest_difference(WIDER, DEFAULT)} "
-        "of the width of the ranges.\n\n"
-        "The five runs are not five independent repetitions. The run `refined` continues the run `goji_berry` with more piles, so "
-        "their answers are similar: each parameter differs by at most "
-        f"{largest_difference(refined, DEFAULT).rpartition(' to ')[2]} of the width of its range. The runs `paper` and "
-        "`matched` use another model of the berry and another contact law.\n"
+        "All five runs reproduce the measured pile. In every run, the mean angle and the mean height of the new piles "
+        "that check the result lie within the target ranges.\n\n"
+        "A run that checks its result with only a few new piles can meet the targets by chance. The program therefore estimates "
+        "the probability that the mean angle and height of very many piles would meet them, too. For four of our five runs, this "
+        f"probability is at least {least:.2f}. For the run `paper`, which simulated only eight piles, it is {unsure:.2f}. The "
+        "program calls this result [undecided](glossary.md), and more piles are needed.\n\n"
+        "Different contact parameters can produce the same pile, so do not read calibrated parameters as properties of the berry. "
+        "For example, the runs `goji_berry` and `fast` simulate the same model of the berry, and both meet the targets. Yet "
+        f"their parameters differ by {largest_difference(fast, DEFAULT)} of the width of the searched ranges.\n\n"
+        "The five runs are not five independent repetitions:\n\n"
+        "- The run `refined` continues the run `goji_berry` with more piles, so their parameters are similar. They differ by at "
+        f"most {most} of the width of the searched ranges.\n"
+        "- The runs `paper` and `matched` use other models of the berry and another contact law.\n"
+        "- Only `goji_berry` and `fast` calibrate the same model in separate searches.\n"
     )
 
 
@@ -478,13 +476,13 @@ def bounds():
     answer = answer_of(DEFAULT)
     low, _ = bounds_of(DEFAULT, "mus_gg")
     return (
-        "A search finds solutions only inside the ranges that you give for the parameters. The ends of a range are called its "
-        "bounds. If many solutions lie at a bound, better solutions may lie beyond it.\n"
-        f"In our default calibration, the run `goji_berry`, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. The parameter set that "
-        f"the run proposes does not lie at this bound: its `mus_gg` is {answer['mus_gg']:.3f}, and the bound is {low:g}.\n\n"
-        "Values of `mus_gg` below this bound are possible, too. The bound is that of Table 2 of Ji et al. 2026. To test it, we "
-        "repeated the calibration with a wider range of `mus_gg` (the run `wider`). Below the bound, parameter sets meet both "
-        "targets [about as often](results.md#five-runs-five-parameter-sets) as above it.\n"
+        "A calibration finds parameters only inside the ranges that you give. If many of the parameter sets that it finds lie at "
+        f"the end of a range, better sets may lie outside. In our default calibration of the goji berry, {'; '.join(listed_bounds)}, "
+        f"{KIND['mus_gg']}. The calibrated value, {answer['mus_gg']:.3f}, does not lie at this bound, which is {low:g}.\n\n"
+        "You can test the end of a range by repeating the calibration with a wider range. We did this for the static friction "
+        f"between goji berries, whose lower bound was {low:g}. Below this bound, parameter sets reproduce the measured pile "
+        "[about as often](../research/docs/kept_runs.md#a-wider-range-of-mus_gg) as above it. However, the wider range was not "
+        "needed, because the second search ended near the old bound and met the same targets.\n"
     )
 
 
@@ -503,14 +501,16 @@ def wider_run():
     ]
     chance = stats.fisher_exact(counts).pvalue
     return (
-        f"In the run `wider`, we searched `mus_gg` from {low:g} to {high:g}. Of its samples below the bound of {old_low:g}, "
+        f"In the run `wider`, we searched `mus_gg`, {KIND['mus_gg']}, from {low:g} to {high:g}. The lower bound of the other runs, "
+        f"{old_low:g}, is that of Table 2 of Ji et al. 2026. Of the samples of `wider` below this bound, "
         f"{meeting_beyond.sum()} of {beyond.sum()} meet both targets. Above the bound, {(~meeting_beyond).sum()} of "
         f"{(~beyond).sum()} do. A difference of this size can easily arise by chance (Fisher's exact test, p = {chance:.2f}), so "
         "the bound does not separate good parameter sets from bad ones.\n\n"
-        f"Lower values of `mus_gg` are possible, but not needed: the search of the run `wider` ended near the article's bound. The "
+        "Values of `mus_gg` below the bound are possible, but not needed: the search of the run `wider` ended near the bound. The "
         f"`mus_gg` of its {len(solutions)} solutions lies between {solutions.min():.3f} and {solutions.max():.3f}.\n"
-        f"New piles with the answer of this run have an angle of {check[ANGLE][0]} and a height of {check[HEIGHT][0]}, so they "
-        "meet both targets.\n"
+        f"New piles with the calibrated parameters of `wider` have an angle of {check[ANGLE][0]} and a height of "
+        f"{check[HEIGHT][0]}, so they meet both targets. The parameters differ from those of `goji_berry` by "
+        f"{largest_difference(WIDER, DEFAULT)} of the width of the searched ranges.\n"
     )
 
 
@@ -663,29 +663,43 @@ def published_verdict():
     inside = {line: sets[line].between(*angle_range) for line in (ANGLE, STRAIGHTEST)}
     height_inside = sets[HEIGHT].between(*height_range)
     all_heights = "all" if height_inside.all() else f"{height_inside.sum()} of"
+    flatter, error, count = flatter_by(ANGLE)
+    straight, straight_error, _ = flatter_by(STRAIGHTEST)
+    return (
+        "With the published parameters, our piles have the right height, but their angle depends on the line along which you "
+        f"measure it. The mean height lies within the target range for {all_heights} {len(sets)} sets. The mean angle "
+        f"along the line `straightest` lies within its range, {low:g} to {high:g}°, for {inside[STRAIGHTEST].sum()} sets. Along "
+        f"the line `flank`, {inside[ANGLE].sum() or 'none'} of the sets has an angle within this range.\n\n"
+        "With the same parameters, our piles are probably flatter than those of Ji et al. On average, our angle is "
+        f"{with_error(flatter, error)}° smaller along the line `flank`, and {with_error(straight, straight_error)}° smaller along "
+        "`straightest`. These standard errors "
+        "[may be too small](../research/docs/kept_runs.md#the-published-parameter-sets), because Ji et al. report only "
+        f"{count} simulated angles, each from a single pile. The difference may therefore be due to chance.\n\n"
+        "You can still calibrate our simulator although its piles are flatter. The calibration changes the contact parameters "
+        "until the simulated angle agrees with the measured one.\n"
+    )
+
+
+def published_difference():
+    """How sure the difference of the article's simulated angles from ours is."""
+    article = pd.read_csv(ARTICLE / "table4.csv").set_index("solution")
+    sets = poured_published_sets().loc[article.index]
+    low, _ = DEFAULT.settings()["targets"][0]["range"]
     clear = low - sets[ANGLE] > 2 * sets[f"{ANGLE}_se"]
     flatter, error, count = flatter_by(ANGLE)
     straight, straight_error, _ = flatter_by(STRAIGHTEST)
     # A pour of the article is taken to scatter as ours do.
     pour = (sets[f"{ANGLE}_se"] * np.sqrt(sets["pours"])).mean()
     return (
-        "The line decides whether the angles of the published sets are within the target range of "
-        f"{low:g} to {high:g}° or below it. Along `flank`, {inside[ANGLE].sum() or 'none'} of the {len(sets)} sets has a mean "
-        f"angle within the range; {clear.sum()} sets lie below it by more than two standard errors.\n"
-        f"Along `straightest`, {inside[STRAIGHTEST].sum()} sets are within the range, and the remaining one is just below it "
-        f"({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
-        f"The published sets give piles of the right height. For {all_heights} of the {len(sets)} sets, the mean height of our "
-        f"piles is within the target range of {height_range[0]:g} to {height_range[1]:g} mm.\n\n"
-        f"With the same contact parameters, our piles are flatter than those of Ji et al. 2026. They report a simulated angle for "
-        f"{count} published sets, each from a single pile. On average over these sets, our angle is "
-        f"{with_error(flatter, error)}° smaller along `flank`, and {with_error(straight, straight_error)}° smaller along "
-        "`straightest`. The numbers after ± are standard errors.\n\n"
-        "Our simulator probably gives flatter piles than the simulator of Ji et al., but this is not certain. The standard errors "
-        f"may be too small, because we estimated each from only {count} differences. Suppose that the angles of single piles in "
-        f"their simulator have a standard deviation of {pour:.1f}°, as in ours. The mean difference then has a standard error of "
-        f"{pour / np.sqrt(count):.1f}°, and it may be due to chance.\n\n"
-        "If you calibrate our simulator, its flatter piles are not an obstacle. A calibration changes the contact parameters until "
-        "the angle along `flank` agrees with the measured angle.\n"
+        f"Along `flank`, {clear.sum()} of the {len(sets)} published sets lie below the lower end of the target range, {low:g}°, by "
+        "more than two standard errors. Along `straightest`, the set with the smallest angle has "
+        f"{sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°.\n\n"
+        f"Ji et al. 2026 report a simulated angle for {count} of their sets, each from a single pile. On average over these sets, "
+        f"our angle is {with_error(flatter, error)}° smaller along `flank` and {with_error(straight, straight_error)}° smaller "
+        f"along `straightest`. These standard errors may be too small, because each is estimated from only {count} differences. "
+        "Suppose that the angles of single piles in the simulator of Ji et al. have a standard deviation of "
+        f"{pour:.1f}°, as in ours. The mean difference then has a standard error of {pour / np.sqrt(count):.1f}°, and it may be "
+        "due to chance.\n"
     )
 
 
@@ -1006,10 +1020,10 @@ def pours_of_default():
     """How many pours of the design of `goji_berry` came to rest."""
     summary = json.loads((KEPT / DEFAULT.folder / "dataset_summary.json").read_text())
     return (
-        "The run `goji_berry` is our calibration with the default settings. It simulates six piles for each of its "
-        f"{summary['samples']} samples, {summary['runs']} in all. The samples are the parameter sets that a run simulates before "
-        f"its search. The program uses the {summary['runs_ok']} piles that came to rest, and leaves out those whose berries were "
-        "still moving after 18 s.\n"
+        "The run `goji_berry` is our calibration of the goji berry with the default settings. Before its search, the program "
+        f"simulates {summary['samples']} parameter sets, called samples, with six piles each. It uses the mean angle and the mean "
+        "height of the six piles. A pile is left out if its berries are still moving after 18 s, but this is rare: "
+        f"{summary['runs_ok']} of the {summary['runs']} piles came to rest in time.\n"
     )
 
 
@@ -1736,7 +1750,7 @@ def article_results():
             "Table 3: spans of 90 solutions",
             "3.5 to 19 % of the ranges",
             f"`miga/intervals.csv`; {interval_shares(DEFAULT)}",
-            results.format("five-runs-five-parameter-sets"),
+            "[kept runs](../research/docs/kept_runs.md#the-solutions-beside-those-of-the-article)",
         ],
         ["Figure 14: solutions", "-", "`figures/figure14.png`", ""],
         ['4.1.2: "local concentrated search"', "not explained", "absent", "P"],
@@ -1866,6 +1880,7 @@ TEXTS = {
     "posterior_errors": posterior_errors,
     "pours_for_a_percent": pours_for_a_percent,
     "pours_of_default": pours_of_default,
+    "published_difference": published_difference,
     "published_sets": published_sets,
     "published_verdict": published_verdict,
     "refined_run": refined_run,
