@@ -462,6 +462,26 @@ def design():
     )
 
 
+def spread_of_samples():
+    """How different the samples of `goji_berry` are that meet both targets."""
+    samples, meeting = meeting_samples(DEFAULT)
+    share, share_of_second = (
+        f"{100 * covered_share(run, meeting_samples(run)[1], NARROWEST):.0f} %"
+        for run in (DEFAULT, SECOND)
+    )
+    return (
+        "The measured pile alone cannot tell you which contact parameters are right, because very different parameters give the "
+        f"same pile. In the run `goji_berry`, for example, we simulated {len(samples)} parameter sets before the search, and "
+        f"{len(meeting)} of them met both targets. For most parameters, the values of these {len(meeting)} sets are spread over "
+        "nearly the whole searched range.\n\n"
+        "The range of the values that meet the targets is not the uncertainty of a parameter. A single parameter set that meets "
+        f"the targets by chance can widen this range. For `{NARROWEST}`, {KIND[NARROWEST]}, it covered {share} of "
+        f"the searched range on one type of processor and [{share_of_second} on another]"
+        "(../research/docs/kept_runs.md#the-samples-of-goji_berry). The uncertainty of a parameter is given by its "
+        "[95 % interval](uncertainty.md).\n"
+    )
+
+
 def bounds():
     """How many solutions of `goji_berry` lie at a bound of the searched ranges."""
     solutions = DEFAULT.table(DEFAULT.solutions)
@@ -1022,7 +1042,7 @@ def pours_of_default():
     return (
         "The run `goji_berry` is our calibration of the goji berry with the default settings. Before its search, the program "
         f"simulates {summary['samples']} parameter sets, called samples, with six piles each. It uses the mean angle and the mean "
-        "height of the six piles. A pile is left out if its berries are still moving after 18 s, but this is rare: "
+        "height of the six piles. A pile is left out if its berries are still moving after 18 s. This is rare: "
         f"{summary['runs_ok']} of the {summary['runs']} piles came to rest in time.\n"
     )
 
@@ -1886,6 +1906,7 @@ TEXTS = {
     "refined_run": refined_run,
     "sensitivities": sensitivities,
     "shape_study_discrepancy": shape_study_discrepancy,
+    "spread_of_samples": spread_of_samples,
     "verdict": verdict,
     "whole_side_bound": whole_side_bound,
     "whole_side_runs": whole_side_runs,
