@@ -439,26 +439,22 @@ def design():
     # Between the smallest and the largest of n points drawn evenly from a range.
     random_share = (len(meeting) - 1) / (len(meeting) + 1)
     return (
-        "Many different parameter sets reproduce the measured goji berry pile, so the pile alone cannot tell which of them is "
-        f"right. The run `goji_berry`, our default calibration, shows this. It starts with {len(samples)} parameter sets, "
-        f"called samples, that are spread evenly over the searched ranges. Of these samples, {len(meeting)} met both targets, "
-        "the angle and the height of the pile.\n"
-        f"These {len(meeting)} samples differ widely. From the smallest to the largest value, they cover at least "
-        f"{100 * shares[least]:.0f} % of the range of each parameter (for `{least}`), and up to {100 * shares[most]:.0f} % (for "
-        f"`{most}`). For comparison, {len(meeting)} random values would cover about {100 * random_share:.0f} % of a range. For "
-        "most parameters, the targets therefore exclude hardly any values.\n"
-        "The percentages depend on chance. In the same study on another type of processor, the samples that met both targets "
-        f"cover {100 * covered_share(SECOND, meeting_samples(SECOND)[1], least):.0f} % of the range of `{least}`.\n\n"
-        "In the run `goji_berry`, our default calibration, some of the simulated parameter sets meet the targets only by "
-        "chance. The program simulates six piles for each set and uses their mean angle and height. On average over the "
+        "The targets exclude hardly any values of most parameters, so the pile alone cannot tell which values are right. In the "
+        f"run `goji_berry`, our default calibration, {len(meeting)} of {len(samples)} samples meet both targets. From the "
+        f"smallest to the largest value, they span {100 * shares[least]:.0f} % (`{least}`) to {100 * shares[most]:.0f} % "
+        f"(`{most}`) of the searched ranges. For comparison, {len(meeting)} random values would span about "
+        f"{100 * random_share:.0f} % of a range.\n\n"
+        "The percentages depend on chance, because a single sample that meets the targets by chance can widen a span. For "
+        f"`{least}`, the same study on another type of processor gives "
+        f"{100 * covered_share(SECOND, meeting_samples(SECOND)[1], least):.0f} %.\n\n"
+        "Some samples of the run `goji_berry` meet the targets only by chance, because the means of six piles vary. The program "
+        "simulates six piles for each sample and uses their mean angle and height. On average over the "
         f"searched ranges, these means have standard errors of {noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. Near the "
         "parameter set that the run proposes, single piles vary less, so the standard errors are smaller there.\n\n"
-        f"The targets probably restrict `{least}`, {KIND[least]}, more than single parameter sets show. This follows from a "
-        "neural network that was fitted to the results of all parameter sets in the run `goji_berry`, our default calibration. "
-        "Such a network averages out the random variation of the piles.\n"
-        f"According to the network, {len(predicted)} of the sets meet both targets; in the simulations, {len(both)} of these "
-        f"{len(predicted)} did. The {len(predicted)} sets cover only {100 * covered_share(DEFAULT, predicted, least):.0f} % of "
-        f"the range of `{least}`.\n"
+        f"The targets probably restrict `{least}`, {KIND[least]}, more than single samples show. The neural network of the run "
+        "`goji_berry` averages out the random variation of the piles. According to the network, "
+        f"{len(predicted)} of the samples meet both targets, and {len(both)} of these did so in the simulations. These "
+        f"{len(predicted)} samples cover only {100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`.\n"
     )
 
 
@@ -522,14 +518,13 @@ def wider_run():
     chance = stats.fisher_exact(counts).pvalue
     return (
         f"In the run `wider`, we searched `mus_gg`, {KIND['mus_gg']}, from {low:g} to {high:g}. The lower bound of the other runs, "
-        f"{old_low:g}, is that of Table 2 of Ji et al. 2026. Of the samples of `wider` below this bound, "
-        f"{meeting_beyond.sum()} of {beyond.sum()} meet both targets. Above the bound, {(~meeting_beyond).sum()} of "
-        f"{(~beyond).sum()} do. A difference of this size can easily arise by chance (Fisher's exact test, p = {chance:.2f}), so "
-        "the bound does not separate good parameter sets from bad ones.\n\n"
-        "Values of `mus_gg` below the bound are possible, but not needed: the search of the run `wider` ended near the bound. The "
-        f"`mus_gg` of its {len(solutions)} solutions lies between {solutions.min():.3f} and {solutions.max():.3f}.\n"
-        f"New piles with the calibrated parameters of `wider` have an angle of {check[ANGLE][0]} and a height of "
-        f"{check[HEIGHT][0]}, so they meet both targets. The parameters differ from those of `goji_berry` by "
+        f"{old_low:g}, is that of Table 2 of Ji et al. 2026. The bound does not separate good parameter sets from bad ones. Below "
+        f"it, {meeting_beyond.sum()} of {beyond.sum()} samples meet both targets, and above it {(~meeting_beyond).sum()} of "
+        f"{(~beyond).sum()}. A difference of this size can easily arise by chance (Fisher's exact test, p = {chance:.2f}).\n\n"
+        "Values of `mus_gg` below the bound are possible, but not needed. The search of the run `wider` ended near the bound, with "
+        f"{len(solutions)} solutions between {solutions.min():.3f} and {solutions.max():.3f}. New piles with the calibrated "
+        f"parameters have an angle of {check[ANGLE][0]} and a height of {check[HEIGHT][0]}, so they meet both targets.\n\n"
+        "The calibrated parameters of the run `wider` differ from those of `goji_berry` by "
         f"{largest_difference(WIDER, DEFAULT)} of the width of the searched ranges.\n"
     )
 
@@ -716,8 +711,9 @@ def published_difference():
         f"{sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°.\n\n"
         f"Ji et al. 2026 report a simulated angle for {count} of their sets, each from a single pile. On average over these sets, "
         f"our angle is {with_error(flatter, error)}° smaller along `flank` and {with_error(straight, straight_error)}° smaller "
-        f"along `straightest`. These standard errors may be too small, because each is estimated from only {count} differences. "
-        "Suppose that the angles of single piles in the simulator of Ji et al. have a standard deviation of "
+        "along `straightest`.\n\n"
+        f"These standard errors may be too small, because each is estimated from only {count} differences. Suppose that "
+        "the angles of single piles in the simulator of Ji et al. have a standard deviation of "
         f"{pour:.1f}°, as in ours. The mean difference then has a standard error of {pour / np.sqrt(count):.1f}°, and it may be "
         "due to chance.\n"
     )
@@ -733,11 +729,11 @@ def first_draw():
     all_pours = poured_published_sets().loc["representative"]
     return (
         "Do not judge a parameter set by only a few simulated piles, because they can meet a target by chance. This happened "
-        "when we simulated the representative parameter set of Ji et al. 2026, the one that they propose as their result. Of "
-        f"the first twelve piles, {pours} came to rest. Their mean angle, "
-        f"{with_error(first['aor_flank_deg'], first['aor_flank_se_deg'])}°, was within the target range of 31 to 34°, and their "
-        f"mean height, {with_error(first['height_mm'], first['height_se_mm'])} mm, was within its range, too.\n"
-        f"After more simulations, the mean angle of all {all_pours['pours']} piles that came to rest was only "
+        "with the set that Ji et al. 2026 propose as their result (`representative`):\n\n"
+        f"- Of the first twelve piles, {pours} came to rest. Their mean angle, "
+        f"{with_error(first['aor_flank_deg'], first['aor_flank_se_deg'])}°, and their mean height, "
+        f"{with_error(first['height_mm'], first['height_se_mm'])} mm, were within the target ranges.\n"
+        f"- After more simulations, the mean angle of all {all_pours['pours']} piles that came to rest was only "
         f"{with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°, below the target range.\n"
     )
 
