@@ -489,16 +489,13 @@ def bounds():
         f"{'lower' if bound.endswith('low') else 'upper'} bound of `{bound.split()[0]}`"
         for bound, count in counts.items()
     ]
-    answer = answer_of(DEFAULT)
     low, _ = bounds_of(DEFAULT, "mus_gg")
     return (
-        "A calibration finds parameters only inside the ranges that you give. If many of the parameter sets that it finds lie at "
-        f"the end of a range, better sets may lie outside. In our default calibration of the goji berry, {'; '.join(listed_bounds)}, "
-        f"{KIND['mus_gg']}. The calibrated value, {answer['mus_gg']:.3f}, does not lie at this bound, which is {low:g}.\n\n"
-        "You can test the end of a range by repeating the calibration with a wider range. We did this for the static friction "
-        f"between goji berries, whose lower bound was {low:g}. Below this bound, parameter sets reproduce the measured pile "
-        "[about as often](../research/docs/kept_runs.md#a-wider-range-of-mus_gg) as above it. However, the wider range was not "
-        "needed, because the second search ended near the old bound and met the same targets.\n"
+        "If many of the parameter sets that a search finds lie at the end of a range, better sets may lie outside. In our default "
+        f"calibration of the goji berry, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. We therefore repeated the calibration with "
+        f"a wider range. Below the old bound of {low:g}, parameter sets reproduce the measured pile "
+        "[about as often](../research/docs/kept_runs.md#a-wider-range-of-mus_gg) as above it. The new search ended near the old "
+        "bound, so the wider range was not needed.\n"
     )
 
 
