@@ -1478,10 +1478,10 @@ def further_tests():
     ]
     return (
         f"{markdown(head, rows)}\n"
-        "The first three rows use the measured piles. For the other rows, we computed "
-        "[synthetic measurements](research/docs/joint_targets.md) with an earlier version of the simulator. We assumed standard "
-        "deviations of 0.03 for a measured coefficient of restitution, 0.035 for a static friction and 0.005 for a rolling "
-        "friction. Tests with more variation give wider intervals.\n\n"
+        "The first three rows of the table use the measured piles. The other measurements are "
+        "[synthetic](research/docs/joint_targets.md), from an earlier version of the simulator. "
+        "Their assumed standard deviations are 0.03 for a coefficient of "
+        "restitution, 0.035 for static friction and 0.005 for rolling friction.\n\n"
         "Two measurements tell you most about the parameters per hour of work:\n\n"
         "- **Seven more numbers from the photographs that you already have.** They [describe the shape of the "
         f"pile](research/docs/second_responses.md), and reading them takes {photographs['minutes']:.0f} minutes. They help most if "
