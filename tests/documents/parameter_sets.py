@@ -298,10 +298,11 @@ def five_runs():
     return (
         "All five runs reproduce the measured pile. In every run, the mean angle and the mean height of the new piles "
         "that check the result lie within the target ranges.\n\n"
-        "A run that checks its result with only a few new piles can meet the targets by chance. The program therefore estimates "
-        "the probability that the mean angle and height of very many piles would meet them, too. For four of our five runs, this "
-        f"probability is at least {least:.2f}. For the run `paper`, which simulated only eight piles, it is {unsure:.2f}. The "
-        "program calls this result [undecided](glossary.md), and more piles are needed.\n\n"
+        "A result that is checked with only a few new piles may meet the targets by chance. The program therefore estimates "
+        "the probability that the mean angle and height of very many piles would also lie within the target ranges. For four of "
+        f"our five runs, this probability is at least {least:.2f}. For the run with the article's settings, `paper`, it is "
+        f"{unsure:.2f}, because only eight new piles were simulated. The program calls such a result [undecided](glossary.md). "
+        "To decide, simulate more piles.\n\n"
         "Different contact parameters can produce the same pile, so do not read calibrated parameters as properties of the berry. "
         "For example, the runs `goji_berry` and `fast` simulate the same model of the berry, and both meet the targets. Yet "
         f"their parameters differ by {largest_difference(fast, DEFAULT)} of the width of the searched ranges.\n\n"
@@ -470,11 +471,11 @@ def spread_of_samples():
         f"same pile. In the run `goji_berry`, for example, we simulated {len(samples)} parameter sets before the search, and "
         f"{len(meeting)} of them met both targets. For most parameters, the values of these {len(meeting)} sets are spread over "
         "nearly the whole searched range.\n\n"
-        "The range of the values that meet the targets is not the uncertainty of a parameter. A single parameter set that meets "
-        f"the targets by chance can widen this range. For `{NARROWEST}`, {KIND[NARROWEST]}, it covered {share} of "
+        "Do not use the spread of a parameter among the samples that meet the targets as its uncertainty. A single sample that "
+        f"meets the targets by chance can widen this spread. For `{NARROWEST}`, {KIND[NARROWEST]}, the spread was {share} of "
         f"the searched range on one type of processor and [{share_of_second} on another]"
-        "(../research/docs/kept_runs.md#the-samples-of-goji_berry). The uncertainty of a parameter is given by its "
-        "[95 % interval](uncertainty.md).\n"
+        "(../research/docs/kept_runs.md#the-samples-of-goji_berry). Use the [95 % interval](uncertainty.md) of the parameter "
+        "instead.\n"
     )
 
 
@@ -485,17 +486,19 @@ def bounds():
     at_bound = warnings[warnings.str.startswith("at a bound: ")]
     counts = at_bound.str.removeprefix("at a bound: ").value_counts()
     listed_bounds = [
-        f"{count} of the {len(solutions)} solutions lie at the "
+        f"{count} of the {len(solutions)} parameter sets that the search found lie at the "
         f"{'lower' if bound.endswith('low') else 'upper'} bound of `{bound.split()[0]}`"
         for bound, count in counts.items()
     ]
     low, _ = bounds_of(DEFAULT, "mus_gg")
     return (
-        "If many of the parameter sets that a search finds lie at the end of a range, better sets may lie outside. In our default "
-        f"calibration of the goji berry, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. We therefore repeated the calibration with "
-        f"a wider range. Below the old bound of {low:g}, parameter sets reproduce the measured pile "
-        "[about as often](../research/docs/kept_runs.md#a-wider-range-of-mus_gg) as above it. The new search ended near the old "
-        "bound, so the wider range was not needed.\n"
+        "If a search finds many parameter sets at the end of a searched range, better sets may lie beyond this end. To find out, "
+        "repeat the calibration with a wider range.\n\n"
+        f"In our default calibration of the goji berry, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. We therefore "
+        f"repeated the calibration with a wider range, which also contains smaller values than the old bound of {low:g}. The new "
+        "search ended near the old bound, although it could have gone further. Parameter sets below the old bound give the "
+        "measured pile [about as often](../research/docs/kept_runs.md#a-wider-range-of-mus_gg) as those above it. The old range "
+        "was therefore wide enough.\n"
     )
 
 
@@ -678,13 +681,16 @@ def published_verdict():
     flatter, error, count = flatter_by(ANGLE)
     straight, straight_error, _ = flatter_by(STRAIGHTEST)
     return (
-        "With the published parameters, our piles have the right height, but their angle depends on the line along which you "
-        f"measure it. The mean height lies within the target range for {all_heights} {len(sets)} sets. The mean angle "
-        f"along the line `straightest` lies within its range, {low:g} to {high:g}°, for {inside[STRAIGHTEST].sum()} sets. Along "
-        f"the line `flank`, {inside[ANGLE].sum() or 'none'} of the sets has an angle within this range.\n\n"
-        "With the same parameters, our piles are probably flatter than those of Ji et al. On average, our angle is "
-        f"{with_error(flatter, error)}° smaller along the line `flank`, and {with_error(straight, straight_error)}° smaller along "
-        "`straightest`. These standard errors "
+        "With the parameter sets that Ji et al. published, our piles have the right height. For "
+        f"{all_heights} {len(sets)} sets, the mean height lies within its target range. Whether the angle is right depends on "
+        "the line along which you measure it:\n\n"
+        f"- **`straightest`**: the mean angle lies within its target range, {low:g} to {high:g}°, for "
+        f"{inside[STRAIGHTEST].sum()} of the {len(sets)} sets.\n"
+        f"- **`flank`**: {inside[ANGLE].sum() or 'none'} of the sets gives a mean angle within this range.\n\n"
+        "With the same contact parameters, our piles seem to be flatter than those of Ji et al., but we cannot be certain. On "
+        f"average, our angle is {with_error(flatter, error)}° smaller along the line between 30 and 80 % of the height (`flank`). "
+        f"Along the straightest part of the side (`straightest`), it is {with_error(straight, straight_error)}° smaller. "
+        "These standard errors "
         "[may be too small](../research/docs/kept_runs.md#the-published-parameter-sets), because Ji et al. report only "
         f"{count} simulated angles, each from a single pile. The difference may therefore be due to chance.\n\n"
         "You can still calibrate our simulator although its piles are flatter. The calibration changes the contact parameters "
