@@ -471,11 +471,11 @@ def spread_of_samples():
         f"same pile. In the run `goji_berry`, for example, we simulated {len(samples)} parameter sets before the search, and "
         f"{len(meeting)} of them met both targets. For most parameters, the values of these {len(meeting)} sets are spread over "
         "nearly the whole searched range.\n\n"
-        "Do not use the spread of a parameter among the samples that meet the targets as its uncertainty. A single sample that "
-        f"meets the targets by chance can widen this spread. For `{NARROWEST}`, {KIND[NARROWEST]}, the spread was {share} of "
-        f"the searched range on one type of processor and [{share_of_second} on another]"
-        "(../research/docs/kept_runs.md#the-samples-of-goji_berry). Use the [95 % interval](uncertainty.md) of the parameter "
-        "instead.\n"
+        "To see how uncertain a parameter is, use its [95 % interval](uncertainty.md), and not the spread of the samples that meet "
+        "the targets. The samples are the parameter sets that we simulated before the search. A single sample that meets the "
+        f"targets by chance can widen their spread. For `{NARROWEST}`, {KIND[NARROWEST]}, the spread was {share} of the searched "
+        f"range on one type of processor and [{share_of_second} on another]"
+        "(../research/docs/kept_runs.md#the-samples-of-goji_berry). So the spread alone says little.\n"
     )
 
 
