@@ -494,7 +494,8 @@ def bounds():
     return (
         "If a search finds many parameter sets at the end of a searched range, better sets may lie beyond this end. To find out, "
         "repeat the calibration with a wider range.\n\n"
-        f"In our default calibration of the goji berry, {'; '.join(listed_bounds)}, {KIND['mus_gg']}. We therefore "
+        f"The parameter `mus_gg`, {KIND['mus_gg']}, is an example. In our default calibration of the goji berry, "
+        f"{'; '.join(listed_bounds)}. We therefore "
         f"repeated the calibration with a wider range, which also contains smaller values than the old bound of {low:g}. The new "
         "search ended near the old bound, although it could have gone further. Parameter sets below the old bound give the "
         "measured pile [about as often](../research/docs/kept_runs.md#a-wider-range-of-mus_gg) as those above it. The old range "
