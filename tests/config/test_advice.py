@@ -8,6 +8,7 @@ import shared
 
 from repose.config import advice, check, cost
 from repose.config.models import make_settings
+from repose.measure.definitions import PROPERTIES
 
 SPHERE = {
     "long_mm": 4.0,
@@ -94,6 +95,17 @@ def test_the_cone_of_a_part_of_the_side_is_smaller_than_the_pile(config):
     for factor, fits in ((0.5, False), (2.0, True), (3.0, False)):
         config["funnel"]["berries"] = round(factor * 0.6 * cone / GRAIN_M3)
         assert advice.compare_volumes(config, GRAIN_M3).fits is fits
+
+
+@pytest.mark.parametrize("name", PROPERTIES)
+def test_the_factor_of_a_part_of_the_side_is_that_of_the_lines_along_a_part(
+    name, config
+):
+    cone = math.pi * 0.03**3 / (3 * math.tan(math.radians(30)) ** 2)
+    config["measure"]["response"] = name
+    config["funnel"]["berries"] = round(2.0 * 0.6 * cone / GRAIN_M3)
+    follows_a_part = not PROPERTIES[name].follows_whole_side
+    assert advice.compare_volumes(config, GRAIN_M3).fits is follows_a_part
 
 
 def test_a_height_alone_asks_for_a_slope(config):

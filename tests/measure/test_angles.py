@@ -8,6 +8,7 @@ from refusals import raised
 
 from repose.common.errors import NoFlankError
 from repose.measure import angles, profile_points
+from repose.measure.definitions import PROPERTIES
 from repose.measure.settings import MeasureSettings, line_of
 
 RULES = tuple(profile_points.FLANK_RULES)
@@ -266,6 +267,22 @@ def test_sides_hold_every_definition_or_say_why_not():
         lambda: angles.fit_straightest(cut, 0.333),
     ):
         raised(NoFlankError, "foot is not seen", definition)
+
+
+@pytest.mark.parametrize("name", PROPERTIES)
+def test_a_line_along_the_whole_side_reaches_from_the_plate_to_the_crest(name):
+    """A straight side between a flat toe and a flat top, of which the other lines leave out a part."""
+    side = trapezoid(0.6, 200.0, 60)
+    toe = np.linspace(0.5, 10.0, 60)
+    side = np.concatenate([np.zeros(MARGIN), toe, side[side > 10.0]])
+    settings = MeasureSettings.with_defaults(
+        flank="columns", berry_height_mm=20.0, mm_per_pixel=1.0
+    )
+    measured, _ = angles.measure_sides(*both_sides(side, side), settings)
+    (_, low), (_, high) = measured[name].left.ends
+    # a regression may end above the crest, because the flat top pulls it down
+    reaches = low <= 1.0 and high >= 200.0
+    assert reaches is PROPERTIES[name].follows_whole_side
 
 
 def test_windows_levels_and_lines_are_what_their_words_say():

@@ -16,6 +16,7 @@ from repose.common.statuses import describe_status
 from repose.config.computed import Grain, compute_diameter_mm
 from repose.dem.laws import ROLLING_LAWS
 from repose.grain.particle import Particle
+from repose.measure import definitions
 
 # A pile sinks under its own weight, because its grains press into each other. Fraction
 # of its height by which a pile of soft grains may sink. This is far less than the
@@ -30,10 +31,9 @@ SLOPES_DEG = (15.0, 45.0)
 # Largest ratio between the volumes of a pile and its cone, whichever is larger. A real
 # pile differs from a cone because it has a rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
-# Lines of an angle that follow the whole side of a pile. A line along a part of the
-# side is steeper, so the cone of its angle is smaller than the pile: for goji berries,
-# whose sides have 26 degrees as a whole and 33 degrees in part, by this factor.
-WHOLE_SIDE_LINES = ("whole", "secant")
+# A line along a part of the side is steeper than one along the whole side, so the cone
+# of its angle is smaller than the pile: for goji berries, whose sides have 26 degrees
+# as a whole and 33 degrees in part, by this factor.
 PART_OF_SIDE_FACTOR = 1.7
 # By Hertz's law, the sinking is proportional to the modulus to the power of -2/3, so
 # the modulus is proportional to the sinking to the power of -3/2.
@@ -384,7 +384,7 @@ def compare_volumes(config: Config, grain_volume_m3: float) -> Filling:
         # A pile may have more volume than a cone. This is even more so if the angle is
         # measured along a part of the side only, because this part is steeper.
         largest_ratio = VOLUME_FACTOR
-        if config["measure"]["response"] not in WHOLE_SIDE_LINES:
+        if not definitions.PROPERTIES[config["measure"]["response"]].follows_whole_side:
             largest_ratio *= PART_OF_SIDE_FACTOR
         return _compare_with_cone(
             volume_m3,
