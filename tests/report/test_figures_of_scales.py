@@ -7,9 +7,10 @@ from matplotlib.figure import Figure
 
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates import make, wrap_for_scale
+from repose.config.pipeline import PipelineConfig
 from repose.report.figures import panels, posterior, region
 from repose.report.page import prediction
-from repose.report.study_view import compute_cell_edges
+from repose.report.study_view import StudyView, compute_cell_edges
 
 SPACE = ParameterSpace.of(
     {"gamma": {"range": [1e-4, 1.0], "scale": "log"}, "mu": [0.1, 0.9]}
@@ -23,6 +24,20 @@ def test_cells_are_equal_parts_of_the_logarithm():
         compute_cell_edges(SPACE, "mu", 4).tolist() == np.linspace(0.1, 0.9, 5).tolist()
     )
     assert region._compute_cell_edges(SPACE, 4)[0] == pytest.approx(edges)
+
+
+def test_a_figure_has_the_parameters_of_its_tables_in_their_order():
+    """The configuration may list the contact parameters in another order, and leave out the range of a prior."""
+    entries = PipelineConfig.load("config/config.yaml").config["parameters"]
+    entries["mus_gg"] = {"prior": {"mean": 0.1, "sd": 0.2}}
+    content = {"parameters": dict(reversed(entries.items()))}
+    study = PipelineConfig.load(overrides=content)
+    view = StudyView(study.config | content)
+    assert view.parameters.names == study.parameters.names
+    assert view.parameters.low.tolist() == study.parameters.low.tolist()
+    # another simulator may have parameters of these names, in the order of its user
+    other = StudyView(content | {"simulator": {"name": "theirs"}})
+    assert other.parameters.names == tuple(content["parameters"])
 
 
 def test_axes_of_the_parameter_are_logarithmic_with_room_at_both_ends():

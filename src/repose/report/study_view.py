@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from repose.bench.parameters import PARAMETERS
+from repose.bench.space import contact_space
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
 from repose.common.section import Section
@@ -91,10 +93,16 @@ class StudyView:
 
     @cached_property
     def parameters(self) -> ParameterSpace:
-        """The parameters with their ranges, fixed values and priors."""
-        return ParameterSpace.of(
-            self.config["parameters"], constraints=self.config.get("constraints")
-        )
+        """The parameters with their ranges, fixed values and priors.
+
+        The contact parameters of our simulator have the order of all tables, which need
+        not be that of the configuration.
+        """
+        section = self.config["parameters"]
+        constraints = self.config.get("constraints")
+        if "simulator" not in self.config and set(PARAMETERS) <= set(section):
+            return contact_space(section).with_constraints(constraints)
+        return ParameterSpace.of(section, constraints=constraints)
 
 
 def compute_cell_edges(parameters: ParameterSpace, name: str, count: int) -> np.ndarray:
