@@ -189,6 +189,17 @@ def test_a_trial_has_the_seed_of_the_first_run_of_the_design(tmp_path):
     assert hours == pytest.approx(hours_per_s * elapsed_s, abs=rounding_h)
 
 
+@pytest.mark.parametrize(("angle", "warns"), [("0.55", True), ("31.5", False)])
+def test_a_trial_warns_of_an_angle_in_radians(angle, warns, tmp_path):
+    program = PROGRAM_OF_SEEDS.replace('given["seed"]', angle)
+    (tmp_path / "toy.py").write_text(program)
+    command = [sys.executable, str(tmp_path / "toy.py")]
+    study = loaded(check_inputs=True, **simulator(command=command))
+    lines = list(make_trial_run(study, study.simulator, 2))
+    warning = "  WARNING: column angle has 0.55, although its target is 30 deg; "
+    assert lines[2].startswith(warning) is warns
+
+
 def test_records_are_handed_over_as_counted_folders():
     records = results_folder.list_run_records("results/runs", {"001": 2, "002": 1})
     assert records == [

@@ -37,6 +37,7 @@ from repose.calibrate.strategies.runs import (
     read_rows,
     strip_decimal_points,
 )
+from repose.calibrate.units import describe_other_units
 from repose.common import ledger
 from repose.common.errors import InputError
 from repose.common.files import TURN_COLUMN, write_table
@@ -120,6 +121,8 @@ class Record:
         self._cached_proposal: tuple[str, Batch | Answer] | None = None
         # Unread columns that `new_unread_columns` has already described to the user.
         self._described_columns: set[str] = set()
+        # Responses that were already described as being in another unit.
+        self._described_units: set[str] = set()
         # Only the thread that holds this lock reads or adds runs.
         self._lock = threading.RLock()
         self.read()
@@ -281,7 +284,7 @@ class Record:
         -------
         list of str
             Warnings for the user: a sentence for each column that is not read (see
-            `new_unread_columns`).
+            `new_unread_columns`), or that is probably in another unit.
 
         Raises
         ------
@@ -303,7 +306,7 @@ class Record:
             if "run" not in results and len(self.data):
                 _reject_repeated_runs(runs, self.data, TABLE_NAME)
             self._add_rows(_format_rows(runs), TABLE_NAME)
-            return self.new_unread_columns()
+            return [*self.new_unread_columns(), *self._find_new_units()]
 
     def add_file(self, path: str | os.PathLike) -> Rows:
         """Add the runs of another CSV file to the record and to the file of the record.
@@ -356,6 +359,18 @@ class Record:
             sentences[name] for name in sentences if name not in self._described_columns
         ]
         self._described_columns.update(sentences)
+        return new
+
+    def _find_new_units(self) -> list[str]:
+        """Describe the responses that are probably in another unit, each only once."""
+        responses = {
+            name: self.data[name].tolist() for name in self.study.targets.names
+        }
+        sentences = describe_other_units(self.study.targets, responses)
+        new = [
+            sentences[name] for name in sentences if name not in self._described_units
+        ]
+        self._described_units.update(sentences)
         return new
 
     def _assign_numbers(

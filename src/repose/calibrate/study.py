@@ -344,7 +344,8 @@ class Study:
         Warns
         -----
         UserWarning
-            For each column that is not read, as soon as its values vary.
+            For each column that is not read, as soon as its values vary. Also for a
+            response that is probably in another unit than its target.
         """
         for sentence in self._record.add(runs):
             warnings.warn(sentence, stacklevel=2)

@@ -127,15 +127,20 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     $ repose tell new_runs.csv --config own.yaml --out own/runs.csv
     """
     from repose.calibrate.record import Record
-    from repose.calibrate.strategies.runs import count_runs_without_results
+    from repose.calibrate.strategies.runs import (
+        count_runs_without_results,
+        describe_probable_units,
+    )
     from repose.common.tables import print_columns
 
     # Add the new runs, and show what was read: a line for each column of numbers, and a
-    # warning about each column that is not used.
+    # warning about each column that is not used or is probably in another unit. The
+    # record may have runs in the right unit, so judge the new runs alone.
     record = Record(study, args.out)
     rows = record.add_file(args.runs)
     print_columns(args.runs)
-    for sentence in record.new_unread_columns():
+    units = describe_probable_units(study, rows)
+    for sentence in (*record.new_unread_columns(), *units.values()):
         _warn(f"{args.runs}: {sentence}")
     n_empty = count_runs_without_results(rows, study)
     if n_empty:
@@ -295,6 +300,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.calibrate.strategies import strategy
     from repose.calibrate.strategies.runs import (
         checked_runs,
+        describe_probable_units,
         describe_unread_columns,
         name_file_of_runs,
         read_rows,
@@ -318,7 +324,9 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     rows = read_rows(args.runs, study)
     runs = checked_runs(study, rows, args.runs)
     print_columns(args.runs)
-    for sentence in describe_unread_columns(study, rows).values():
+    unread = describe_unread_columns(study, rows)
+    units = describe_probable_units(study, rows)
+    for sentence in (*unread.values(), *units.values()):
         _warn(f"{args.runs}: {sentence}")
 
     # Calibrate, and print the answer with its warnings.

@@ -11,6 +11,7 @@ from repose.calibrate.parameter_types import describe_wide_ranges
 from repose.calibrate.strategies import strategy
 from repose.calibrate.study_file import list_unread_keys
 from repose.calibrate.targets import Targets
+from repose.calibrate.units import describe_other_units
 from repose.common.errors import InputError
 from repose.common.files import StrPath
 from repose.common.numbers import format_significant
@@ -246,6 +247,9 @@ def make_trial_run(
     )
     yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {parameters_text}:"
     yield from _compare_with_targets(study.targets, run)
+    responses = {name: [run[name]] for name in study.targets.names}
+    for sentence in describe_other_units(study.targets, responses).values():
+        yield f"  WARNING: {sentence}"
     yield f"its files: {run_folder}"
 
     # Estimate the time of the study from the time of this run. A run occupies

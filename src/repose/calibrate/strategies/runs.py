@@ -15,6 +15,7 @@ from repose.calibrate.runs import mean_and_error
 from repose.calibrate.strategies.base import strategy
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
+from repose.calibrate.units import describe_other_units
 from repose.common.errors import InputError
 from repose.common.files import TURN_COLUMN, StrPath
 from repose.common.tables import (
@@ -305,6 +306,20 @@ def describe_unread_columns(study: Study, rows: Rows) -> dict[str, str]:
         "; where it says whether a run is good, name it status, with ok for a good run"
     )
     return describe_unread(cells, hint_if_few=name_it)
+
+
+def describe_probable_units(study: Study, rows: Rows) -> dict[str, str]:
+    """Describe the responses of a table of runs that are probably in another unit.
+
+    Returns
+    -------
+    dict of str to str
+        A sentence by the name of the response (`describe_other_units`).
+    """
+    names = study.targets.names
+    columns = ("status", *names)
+    cells = {name: [row.get(name) for row in rows] for name in columns}
+    return describe_other_units(study.targets, judge_runs(cells, names).values)
 
 
 def read_rows(path: StrPath, study: Study) -> Rows:
