@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Self
@@ -160,6 +160,12 @@ class Check:
             optimism=optimism,
             optimism_error=optimism_error,
         )
+
+    @classmethod
+    def from_card_entry(cls, entry: Mapping[str, Any]) -> Self:
+        """Make the check from an entry of the list `tests` of a material card."""
+        names = [attribute.name for attribute in fields(cls)]
+        return cls(**{name: entry[name] for name in names if name in entry})
 
     def make_card_entry(self) -> dict[str, Any]:
         """Make the entry of this check for the list `tests` of the material card.

@@ -43,7 +43,8 @@ def card(args: argparse.Namespace) -> int:
 
     A card is the answer of a study as one file. A check says whether the targets are
     met. Its exit status is 0 if they are met, 3 if they are not met, and 4 if this is
-    undecided or was not simulated.
+    undecided or was not simulated. A card whose entries contradict each other, as after
+    an edit by hand, is refused with the status 2.
 
     Examples
     --------

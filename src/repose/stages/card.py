@@ -16,6 +16,7 @@ from repose.common.errors import InputError, raise_together
 from repose.common.files import StrPath, read_json
 from repose.common.section import ABSENT, OneOf, Section
 from repose.grain.settings import Density, ShearModulus
+from repose.stages.card_contradictions import find_contradictions
 
 EXPECTED_CONTENT = "a material card"
 # Pydantic's path to a fault has steps that are not keys of the file: "[key]" for a
@@ -323,9 +324,13 @@ def make_schema() -> dict[str, Any]:
 
 
 def read_card(path: StrPath) -> dict[str, Any]:
-    """Read a card; raise InputError if the file cannot be read or is not a card."""
+    """Read a card; raise InputError if the file cannot be read or is not a card.
+
+    An error is also raised if entries of the card contradict each other.
+    """
     card = read_json(path, (), EXPECTED_CONTENT)
     check_card(card, path)
+    raise_together(one.describe(path) for one in find_contradictions(card))
     return card
 
 

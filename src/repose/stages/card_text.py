@@ -1,7 +1,6 @@
 """Describe material cards in text: a whole card, its verdict, or two side by side."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
 from itertools import combinations
 from typing import Any
 
@@ -29,7 +28,7 @@ def format_verdict(card: Card) -> str:
     reason = card.get(
         "reason", "The card is of an older version, which gave no reason."
     )
-    checks = map(_read_check, card["tests"])
+    checks = map(Check.from_card_entry, card["tests"])
     state = get_verdict(card)
     line = format_verdict_line(
         state, checks, reason=reason, small_run=card.get("small_run", False)
@@ -107,7 +106,7 @@ def _describe_tests(card: Card) -> Iterator[str]:
     for test in card["tests"]:
         for line in _describe_test(test):
             yield f"  {line}"
-    yield f"  {describe_differences(map(_read_check, card['tests']))}"
+    yield f"  {describe_differences(map(Check.from_card_entry, card['tests']))}"
     # `within` has the probability that all means lie within so many percent of their
     # targets. It is unknown with too few runs.
     for percent, probability in card["within"].items():
@@ -213,7 +212,7 @@ def _describe_test(test: Card) -> Iterator[str]:
     )
 
     # Compare the surrogate's prediction with the simulation, if there is one.
-    check = _read_check(test)
+    check = Check.from_card_entry(test)
     if check.predicted is not None and check.error_percent is not None:
         predicted = format_significant(check.predicted)
         # Optimism is the expected bias of the prediction. The text may be empty.
@@ -449,12 +448,6 @@ def _format_means(test: Card | None) -> str:
 
 
 # --- values ---------------------------------------------------------------------------
-
-
-def _read_check(test: Card) -> Check:
-    """Read a test of a card as a `Check`."""
-    names = [field.name for field in fields(Check)]
-    return Check(**{name: test[name] for name in names if name in test})
 
 
 def _collect_bench_settings(card: Card) -> dict[str, Any]:
