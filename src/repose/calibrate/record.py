@@ -84,6 +84,14 @@ class _RunLabel(NamedTuple):
     was_requested: bool  # whether the strategy asked for the run
 
 
+class _ParsedFile(NamedTuple):
+    """The content of a file of runs, and what was read from it."""
+
+    content: bytes
+    rows: list[Row]  # as text, with the numbers of sample and run
+    data: pd.DataFrame  # the same rows after the check
+
+
 class Record:
     """All runs of a study so far, and the proposal of its strategy after them.
 
@@ -114,6 +122,8 @@ class Record:
         # Whether this program wrote the file, so that it has the column of the turns.
         # Otherwise the user made the file.
         self._is_record = False
+        # What was read from the file the last time. The same content is not read again.
+        self._parsed: _ParsedFile | None = None
         # The turn whose runs are to be made next. None means that `_find_turn` must
         # find it again, because the rows have changed.
         self._cached_turn: _Turn | None = None
@@ -150,10 +160,19 @@ class Record:
 
         Other processes may have added runs to the file.
         """
-        if self.file is not None and self.file.exists():
+        if self.file is None or not self.file.exists():
+            return
+        content = _read_content(self.file)
+        if self._parsed is not None and content == self._parsed.content:
+            self._set_rows(self._parsed.rows, self._parsed.data)
+        else:
             rows = read_rows(self.file, self.study)
-            self._is_record = bool(rows) and TURN_COLUMN in rows[0]
             self._replace_rows(rows, self.file)
+            self._parsed = None
+            # Another process may have written the file in the meantime.
+            if content is not None and content == _read_content(self.file):
+                self._parsed = _ParsedFile(content, self._rows, self.data)
+        self._is_record = bool(self._rows) and TURN_COLUMN in self._rows[0]
 
     @property
     def proposal(self) -> Batch | Answer:
@@ -560,8 +579,12 @@ class Record:
         # Write first: if writing fails, the attributes still agree with the file.
         if write and self.file is not None:
             self._write(self.file, numbered_rows, data, source)
+        self._set_rows(numbered_rows, data)
+
+    def _set_rows(self, rows: list[Row], data: pd.DataFrame) -> None:
+        """Make rows the content of the record; `data` has them after the check."""
         self.data = data
-        self._rows = numbered_rows
+        self._rows = rows
         # The turn (a proposal with its runs) depends on the rows, so find it again when
         # it is next needed.
         self._cached_turn = None
@@ -586,15 +609,17 @@ class Record:
             File of the rows, for an error.
         """
         table = pd.DataFrame(rows)
-        self._require_readable(table, data, source)
+        parsed = self._require_readable(table, data, source)
         if self._is_record and file.exists():
             ledger.list_file(file)
         write_table(file, table)
+        # The next `read` finds these bytes, which were read already.
+        self._parsed = parsed
 
     def _require_readable(
         self, table: pd.DataFrame, data: pd.DataFrame, source: object
-    ) -> None:
-        """Raise an error if the rows change when they are written to CSV and read again.
+    ) -> _ParsedFile:
+        """Write rows to CSV and read them again; raise an error if they change.
 
         Parameters
         ----------
@@ -605,6 +630,11 @@ class Record:
         source : object
             File of the rows, for an error.
 
+        Returns
+        -------
+        _ParsedFile
+            The content of the file, and what was read from it.
+
         Raises
         ------
         InputError
@@ -612,7 +642,8 @@ class Record:
         """
         with TemporaryDirectory() as folder:
             path = Path(folder) / "runs.csv"
-            path.write_text(table.to_csv(index=False), encoding="utf-8")
+            content = table.to_csv(index=False).encode()
+            path.write_bytes(content)
             try:
                 rows = read_rows(path, self.study)
                 data_of_file = checked_runs(self.study, rows, path, enough=False)
@@ -631,6 +662,7 @@ class Record:
                     "#, or a column name may have many semicolons"
                 ),
             )
+        return _ParsedFile(content, _fill_in_numbers(rows, data_of_file), data_of_file)
 
     def _complete_requested_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Add the missing columns to results of runs that the strategy asked for.
@@ -837,6 +869,14 @@ class Record:
             TURN_COLUMN: self._turn.number,
         }
         return pd.DataFrame(completed)
+
+
+def _read_content(file: Path) -> bytes | None:
+    """Read the bytes of a file; None if it cannot be read, as `read_rows` then says."""
+    try:
+        return file.read_bytes()
+    except OSError:
+        return None
 
 
 def _fill_in_numbers(

@@ -15,6 +15,7 @@ from refusals import input_error, not_refused, value_error
 
 from repose import PipelineConfig, Study
 from repose.calibrate.record import Record
+from repose.calibrate.strategies import runs
 from repose.common.errors import InputError
 from repose.report.figures import own as figures_own
 from repose.report.page import own as page_own
@@ -272,6 +273,34 @@ def test_rows_that_a_file_would_not_keep_are_refused_before_they_are_written(tmp
     blank["y "] = blank["y"]
     input_error("column is 'y'; expected each column once", study.tell, blank)
     assert file.read_bytes() == kept
+
+
+def test_the_same_content_of_the_record_is_read_once(tmp_path, monkeypatch):
+    """A process reads the record again only after another one has changed it."""
+    file = tmp_path / "runs.csv"
+    study = make_study(file)
+    asked = study.ask()
+    study.tell(results(asked[:4]))
+    read = []
+
+    def read_rows(path, *options):
+        read.append(str(path) == str(file))
+        return runs.read_rows(path, *options)
+
+    monkeypatch.setattr("repose.calibrate.record.read_rows", read_rows)
+    study.tell(results(asked[4:8]))
+    pd.testing.assert_frame_equal(study.ask(), asked[8:].reset_index(drop=True))
+    # the rows to be written are read, as before, but not the file that has them
+    assert read == [False]
+    results(asked[8:12]).to_csv(tmp_path / "new.csv", index=False)
+    Record(study, file).add_file(tmp_path / "new.csv")
+    # the record, the new table, and all rows to be written
+    assert read == [False, True, False, False]
+    assert len(study.runs) == 12
+    assert read.pop() is True
+    again = Study.resume(file)
+    pd.testing.assert_frame_equal(again.runs, study.runs)
+    assert again._record._rows == study._record._rows
 
 
 def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
