@@ -6,7 +6,8 @@ pages alone. `commands.yaml` says of each command which it is, and why one is no
 A command is an indented line that begins with one of PROGRAMS. A fenced block behind "Save this as `NAME`", "Save this
 study as `NAME`" or "Save the following as `NAME`" is written to that file. The commands of a page run in one shell, one
 after another, in a folder of their own: an empty one, or a copy of the checkout with a small configuration, which the
-pages that are `in: checkout` share.
+pages that are `in: checkout` share. The commands in the copy run the program of the copy, as those in a checkout do, so
+that its small configuration is the built-in one, and no study of another grain is read over it.
 """
 
 import argparse
@@ -23,6 +24,7 @@ from pathlib import Path
 
 import yaml
 
+from repose.config.loader import merge_with_defaults
 from repose.config.pipeline import PipelineConfig
 
 ROOT = Path(__file__).parents[2]
@@ -158,16 +160,19 @@ def checkout(folder: Path) -> Path:
     content["funnel"]["seeds"] = 2  # the studies take the noise from runs of one sample
     # so that the published solutions are poured
     content["validation"]["published"] = quick["validation"]["published"]
-    (folder / "config/config.yaml").write_text(yaml.safe_dump(content))
+    # the built-in configuration of the copy, so it needs every key
+    whole = merge_with_defaults([ROOT / "config/config.yaml"], content).config
+    (folder / "config/config.yaml").write_text(yaml.safe_dump(whole, sort_keys=False))
     return folder
 
 
 def run(page: str, text: str, folder: Path) -> float:
     """Run a page's script; seconds that it took. SystemExit where a command fails."""
     began = time.perf_counter()
+    program = folder if (folder / "src").is_dir() else ROOT
     env = os.environ | {
         "CHECKOUT": str(ROOT),
-        "PYTHONPATH": os.pathsep.join(map(str, (ROOT / "src", ROOT))),
+        "PYTHONPATH": os.pathsep.join(map(str, (program / "src", program))),
     }
     env |= {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     done = subprocess.run(

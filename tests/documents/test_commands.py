@@ -91,6 +91,22 @@ def test_the_quick_commands_run():
     assert "README.md" in run_python(commands.__file__)
 
 
+# A study of another grain, which is read over the shared method, and a variant of the goji berry, which is small.
+LOADS = """
+from repose.config.pipeline import PipelineConfig
+import repose, pathlib
+assert pathlib.Path(repose.__file__).is_relative_to(pathlib.Path.cwd())
+assert "drum" not in PipelineConfig.load("examples/lammps_pile/pile.yaml").config
+assert PipelineConfig.load("config/matched.yaml").config["funnel"]["berries"] == 100
+"""
+
+
+@pytest.mark.slow
+def test_commands_of_a_checkout_run_its_own_program_with_the_small_study(tmp_path):
+    folder = commands.checkout(tmp_path / "checkout")
+    commands.run("page.md", f"python - <<'END'\n{LOADS}\nEND", folder)
+
+
 def test_a_command_that_fails_is_named_with_its_page(tmp_path):
     raised(
         SystemExit,
