@@ -6,6 +6,7 @@ from typing import Any
 
 from repose.calibrate.answer import (
     NEAR_BOUNDS_INTRODUCTION,
+    Assessment,
     Check,
     Verdict,
     describe_differences,
@@ -25,9 +26,7 @@ Card = Mapping[str, Any]
 
 def format_verdict(card: Card) -> str:
     """Describe whether the targets are met, with the numbers and the reason."""
-    reason = card.get(
-        "reason", "The card is of an older version, which gave no reason."
-    )
+    reason = get_reason(card)
     checks = map(Check.from_card_entry, card["tests"])
     state = get_verdict(card)
     line = format_verdict_line(
@@ -38,19 +37,45 @@ def format_verdict(card: Card) -> str:
     return f"{text}\n{reason}" if state is Verdict.MET else text
 
 
-def get_verdict(entry: Card) -> Verdict:
-    """Get the verdict of a card, or of one of its tests.
+def get_verdict(card: Card) -> Verdict:
+    """Get the verdict of a card.
 
-    A card of an older version states only whether the means lay inside the ranges.
+    A card of an older version has none. It is then computed from the simulated means,
+    their standard errors and the numbers of runs.
     """
-    if "verdict" in entry:
-        return Verdict(entry["verdict"])
-    verdict_of_met = {
-        True: Verdict.MET,
-        False: Verdict.NOT_MET,
-        None: Verdict.UNCHECKED,
-    }
-    return verdict_of_met[entry["met"]]
+    if "verdict" in card:
+        return Verdict(card["verdict"])
+    return _assess_older_card(card).verdict
+
+
+def get_reason(card: Card) -> str:
+    """Get the sentence that explains the verdict of a card.
+
+    A card of an older version has no verdict, and perhaps a sentence about another one.
+    The sentence is then written anew.
+    """
+    if "verdict" in card and "reason" in card:
+        return str(card["reason"])
+    return _assess_older_card(card).reason
+
+
+def _assess_older_card(card: Card) -> Assessment:
+    """Judge a card of an older version by its tests.
+
+    Such a card says only whether the answer was predicted inside the ranges and all
+    simulated means lie inside them. If it says no although all means lie inside, the
+    prediction missed the ranges.
+    """
+    checks = tuple(map(Check.from_card_entry, card["tests"]))
+    are_means_inside = all(check.margin >= 0 for check in checks)
+    out_of_reach = card.get("out_of_reach", False)
+    misses_by_prediction = card["met"] is False and are_means_inside
+    return Assessment(
+        checks=checks,
+        feasible=not (out_of_reach or misses_by_prediction),
+        inside=card.get("probability_inside"),
+        out_of_reach=out_of_reach,
+    )
 
 
 # --- one card -------------------------------------------------------------------------
@@ -71,8 +96,7 @@ def describe_card(card: Card) -> str:
         tests, and the version of repose that made the card.
     """
     lines = [f"Material card: {card['material']}; targets {get_verdict(card)}"]
-    if "reason" in card:
-        lines.append(card["reason"])
+    lines.append(get_reason(card))
     lines += _describe_subject(card)
     lines += _describe_parameters(card)
     lines += _describe_tests(card)
@@ -208,7 +232,7 @@ def _describe_test(test: Card) -> Iterator[str]:
         f"{test['response']} ({test['apparatus']}): measured {measured} "
         f"(sd {sd}, {test['repetitions']} repetitions), "
         f"target {test['low']:g} to {test['high']:g}, "
-        f"simulated {simulated} (runs: {test['runs']}): {get_verdict(test)}"
+        f"simulated {simulated} (runs: {test['runs']}): {_get_test_verdict(test)}"
     )
 
     # Compare the surrogate's prediction with the simulation, if there is one.
@@ -231,6 +255,13 @@ def _describe_test(test: Card) -> Iterator[str]:
     if "definitions" in test:
         angles = _format_angles(test["definitions"])
         yield f"  the same piles by every line, {test['unit']}: {angles}"
+
+
+def _get_test_verdict(test: Card) -> Verdict:
+    """Get the verdict of a test, or compute it for a card of an older version."""
+    if "verdict" in test:
+        return Verdict(test["verdict"])
+    return Check.from_card_entry(test).verdict
 
 
 def _format_definition(definition: Card) -> str:
