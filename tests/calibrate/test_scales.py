@@ -259,7 +259,7 @@ def test_the_card_calls_a_value_at_the_bound_by_its_place_along_the_scale():
     )
     assert inside == {"low": 1.2e-4, "high": 2e-4}
     at_end = card.make_interval_entry(SPACE, "gamma", value=LOW, low=1.2e-4, high=2e-4)
-    assert at_end["at_bound"] == "lower"
+    assert at_end == {"low": LOW, "high": 2e-4, "at_bound": "lower", "widened": True}
 
 
 def test_the_accepted_rounding_is_that_of_the_logarithm():

@@ -40,6 +40,7 @@ from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
 from repose.stages import card, card_study, card_text
 from repose.stages.card import make_schema
+from repose.stages.card_contradictions import find_contradictions
 from repose.stages.card_study import describe_response
 
 STUDY = ROOT / "results/published/goji_berry"
@@ -57,6 +58,7 @@ CARDS = sorted(
 )
 ABOVE = "The simulated Height lies 11 mm above its range."
 MISSED = f"targets NOT met. Height 80.00 +- 0.40 mm (measured 65.57, +22.0 %). {ABOVE}"
+WIDENED = "interval widened to contain the answer"
 SMALL = "wheat: a small run, its numbers are no calibration: "
 
 
@@ -175,41 +177,41 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
         (
             0.3,
             {"low": 0.3, "high": 0.6, "widened": True},
-            "friction; interval widened to contain the answer",
+            f"friction; {WIDENED}",
         ),
         (
             0.65,
             {"low": 0.4, "high": 0.65, "widened": True},
-            "friction; interval widened to contain the answer",
+            f"friction; {WIDENED}",
         ),
         (
             0.2,
-            {"low": 0.4, "high": 0.6, "at_bound": "lower"},
-            "friction; at the lower bound of the range",
+            {"low": 0.2, "high": 0.6, "at_bound": "lower", "widened": True},
+            f"friction; at the lower bound of the range; {WIDENED}",
         ),
         (
             0.2004,
-            {"low": 0.4, "high": 0.6, "at_bound": "lower"},
-            "friction; at the lower bound of the range",
+            {"low": 0.2, "high": 0.6, "at_bound": "lower", "widened": True},
+            f"friction; at the lower bound of the range; {WIDENED}",
         ),
         (
             0.2006,
             {"low": 0.2006, "high": 0.6, "widened": True},
-            "friction; interval widened to contain the answer",
+            f"friction; {WIDENED}",
         ),
         (
             0.7,
-            {"low": 0.4, "high": 0.6, "at_bound": "upper"},
-            "friction; at the upper bound of the range",
+            {"low": 0.4, "high": 0.7, "at_bound": "upper", "widened": True},
+            f"friction; at the upper bound of the range; {WIDENED}",
         ),
         (
             0.6994,
             {"low": 0.4, "high": 0.6994, "widened": True},
-            "friction; interval widened to contain the answer",
+            f"friction; {WIDENED}",
         ),
     ],
 )
-def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, remark):
+def test_an_interval_holds_the_answer_and_tells_the_bound(value, expected, remark):
     """The range 0.2 to 0.7 has the width 0.5, so 0.0005 from a bound is at it; the interval is 0.4 to 0.6."""
     found = make_interval_entry(SPACE, "mus_gg", value, 0.4, 0.6)
     assert found == expected
@@ -251,7 +253,20 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
         name: {key: row[key] for key in row if key in HELD}
         for name, row in found["parameters"].items()
     }
-    assert rows["e_gg"] == {"low": 0.45, "high": 0.5, "at_bound": "lower"}
+    assert rows["e_gg"] == {
+        "low": 0.1,
+        "high": 0.5,
+        "at_bound": "lower",
+        "widened": True,
+    }
+    # The entries of the test card are invented, but its intervals agree.
+    excluded = json.loads(json.dumps(found))
+    assert not [
+        one for one in find_contradictions(excluded) if one.key.startswith("param")
+    ]
+    excluded["parameters"]["e_gg"]["low"] = 0.45
+    keys = [one.key for one in find_contradictions(excluded)]
+    assert "parameters.e_gg.value" in keys
     assert rows["mus_gg"] == {"low": 0.45, "high": 0.5}
     assert rows["mus_gp"] == {"low": 0.44, "high": 0.5, "widened": True}
     line_of = {
@@ -260,9 +275,9 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
         if line.startswith("  m") or "e_gg" in line
     }
     assert line_of["e_gg"].endswith(
-        "restitution, grain-grain; at the lower bound of the range"
+        f"restitution, grain-grain; at the lower bound of the range; {WIDENED}"
     )
-    assert line_of["mus_gp"].endswith("; interval widened to contain the answer")
+    assert line_of["mus_gp"].endswith(f"; {WIDENED}")
     assert line_of["mus_gg"].endswith("static friction, grain-grain")
 
 

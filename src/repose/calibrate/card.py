@@ -222,9 +222,8 @@ def make_interval_entry(
 ) -> dict[str, Any]:
     """Make the entry of a parameter's interval, widened to contain the answer.
 
-    If the answer lies at a bound of the searched range, the interval is not widened,
-    although the answer may lie outside it. The bound itself explains the answer then,
-    and `at_bound` says so.
+    If the answer lies at a bound of the searched range, `at_bound` says so, and a
+    widened interval ends at this bound.
 
     Parameters
     ----------
@@ -253,21 +252,30 @@ def make_interval_entry(
     lower = float(lower_bounds[k])
     upper = float(upper_bounds[k])
     coordinate = float(space.coordinates(name, np.array(value)))
+    ends_of_range = {"lower": float(space.low[k]), "upper": float(space.high[k])}
+    remarks: dict[str, Any] = {}
+    values_to_contain = [value]
     for side, bound in (("lower", lower), ("upper", upper)):
         if abs(coordinate - bound) <= BOUND_TOLERANCE * (upper - lower):
-            return {"low": low, "high": high, "at_bound": side}
-    interval: dict[str, Any] = {"low": min(low, value), "high": max(high, value)}
-    if not low <= value <= high:
-        interval["widened"] = True
-    return interval
+            remarks["at_bound"] = side
+            values_to_contain.append(ends_of_range[side])
+            break
+    if low <= value <= high:
+        return {"low": low, "high": high, **remarks}
+    return {
+        "low": min(low, *values_to_contain),
+        "high": max(high, *values_to_contain),
+        **remarks,
+        "widened": True,
+    }
 
 
 def add_remark(text: str, interval: Mapping[str, Any]) -> str:
-    """Append a remark to a text if the interval was widened, or ends at a bound."""
+    """Append a remark to a text if the interval was widened, or the answer lies at a bound."""
     if "at_bound" in interval:
-        return f"{text}; at the {interval['at_bound']} bound of the range"
+        text += f"; at the {interval['at_bound']} bound of the range"
     if "widened" in interval:
-        return f"{text}; interval widened to contain the answer"
+        text += "; interval widened to contain the answer"
     return text
 
 

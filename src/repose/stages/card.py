@@ -100,8 +100,8 @@ class Parameter(Section):
     )
     widened: Literal[True] = Field(
         ABSENT,
-        description="the interval did not contain the value, so low or high is the "
-        "value itself",
+        description="the interval did not contain the value and was extended to it, "
+        "or to the bound at which it lies",
     )
     given: Literal["calibrated", "calibrated from a prior", "fixed"]
     scale: Literal["log"] = Field(

@@ -371,15 +371,19 @@ def _check_intervals(parameters: Mapping[str, Entry]) -> Iterator[Contradiction]
             yield Contradiction(
                 f"{key}.low", low, "at most the upper end", {f"{key}.high": high}
             )
-        # An interval holds its value, unless the value lies at a bound of the range.
-        elif "at_bound" not in parameter and not _Bounds(
+        # An interval holds its value. In cards of older versions, it may exclude a value
+        # at a bound of the range; then it is not widened.
+        elif ("at_bound" not in parameter or "widened" in parameter) and not _Bounds(
             low - _half_digit(low), high + _half_digit(high)
         ).contains(value):
             yield Contradiction(
                 f"{key}.value", value, "a number from low to high", ends
             )
-        elif "widened" in parameter and not (
-            _is_same(value, low) or _is_same(value, high)
+        # A widened interval ends at the value, or at the bound at which this lies.
+        elif (
+            "widened" in parameter
+            and "at_bound" not in parameter
+            and not (_is_same(value, low) or _is_same(value, high))
         ):
             yield Contradiction(
                 f"{key}.widened",
