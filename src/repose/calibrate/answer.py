@@ -358,7 +358,10 @@ class Check:
         return self.whole or abs(self.measured)
 
     def __str__(self) -> str:
-        target = f"target {self.low:g} to {self.high:g} {self.unit}"
+        target = (
+            f"target {format_significant(self.low)} to {format_significant(self.high)} "
+            f"{self.unit}"
+        )
         if self.simulated is None:
             return (
                 f"{self.response}: no number{self._failure_clause}; {target}: NOT met"

@@ -207,5 +207,5 @@ def describe_near_bound(near: Mapping[str, Any]) -> str:
         error = f"a factor of {format_significant(near['factor'], 2)}"
     return (
         f"{near['parameter']} {format_significant(near['value'])} is within one standard error of "
-        f"the fit ({error}) of its bound {near['bound']:g}"
+        f"the fit ({error}) of its bound {format_significant(near['bound'])}"
     )

@@ -262,8 +262,9 @@ class Calibration(NamedTuple):
             unit = f" {target.response.unit}".rstrip()
             lines.append(
                 f"  {target.name}: {format_with_error(mean, error)}{unit}, "
-                f"{target.off_percent(mean):+.2f} % off the target {target.aim:g}, "
-                f"range {target.low:g} to {target.high:g}{unit}"
+                f"{target.off_percent(mean):+.2f} % off the target "
+                f"{format_significant(target.aim)}, range {format_significant(target.low)} "
+                f"to {format_significant(target.high)}{unit}"
             )
         return lines
 

@@ -26,6 +26,7 @@ from repose.calibrate.surrogates import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
+from repose.common.numbers import format_decimals, format_significant
 
 # Smallest number of solutions, so that the validation always has points to choose from.
 MIN_ROWS = 10
@@ -432,12 +433,19 @@ def describe_result(
 
     def format_numbers(numbers: Iterable[float]) -> str:
         """Write one number for each target, with its unit."""
-        return targets.format_with_units([f"{number:.2f}" for number in numbers])
+        return targets.format_with_units(
+            [format_decimals(number) for number in numbers]
+        )
 
     ranges = targets.format_with_units(
-        [f"{target.low:g}-{target.high:g}" for target in targets]
+        [
+            f"{format_significant(target.low)}-{format_significant(target.high)}"
+            for target in targets
+        ]
     )
-    aims = targets.format_with_units([f"{target.aim:g}" for target in targets])
+    aims = targets.format_with_units(
+        [format_significant(target.aim) for target in targets]
+    )
     predicted = format_numbers(responses)
     deviations = format_numbers(abs(responses - targets.aim))
     if n_feasible:

@@ -10,6 +10,7 @@ from repose.cli.own_simulator import load_any_study
 from repose.cli.registry import Option, load_study, subcommand
 from repose.common.errors import InputError
 from repose.common.files import write_bytes, write_table
+from repose.common.numbers import format_significant
 from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
         shape_number
     )
     print(
-        f"{args.stl}: {mesh.volume:.1f} mm3, {mesh.volume / box_mm3:.3f} of the box "
+        f"{args.stl}: {format_significant(mesh.volume)} mm3, {mesh.volume / box_mm3:.3f} of the box "
         f"around it, profile (1 - |t|^{inner_exponent:.3g})^{outer_exponent:.3g}"
     )
 

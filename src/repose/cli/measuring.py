@@ -12,7 +12,7 @@ from repose.cli.registry import CONFIG, Option, load_study, subcommand
 from repose.common.errors import InputError, raise_together
 from repose.common.files import format_json
 from repose.common.keys import require_section
-from repose.common.numbers import format_significant
+from repose.common.numbers import format_decimals, format_significant
 from repose.common.provenance import hash_file
 from repose.config.pipeline import PipelineConfig
 from repose.measure.conventions import DIRECTIONS
@@ -390,10 +390,10 @@ def _print_particle_piles(
     for row, pile in zip(rows, piles, strict=True):
         # "Height" is the label of this response in all messages.
         angle = row["aor_deg"]
-        angle_text = "no angle" if angle is None else f"{angle:.2f} deg"
+        angle_text = "no angle" if angle is None else f"{format_decimals(angle)} deg"
         print(
             f"{row['file']}: {angle_text} ({line_of(settings)}), Height "
-            f"{row['height_mm']:.2f} mm; {row['grains']} grains, up is {row['up']}, "
+            f"{format_decimals(row['height_mm'])} mm; {row['grains']} grains, up is {row['up']}, "
             f"the plate at {format_significant(row['base'])} {unit}"
         )
         for line in (*pile.warnings, *(f"note: {note}" for note in pile.notes)):

@@ -3,6 +3,7 @@
 import argparse
 
 from repose.cli.registry import Option, subcommand
+from repose.common.numbers import format_decimals
 from repose.config.pipeline import PipelineConfig
 
 DEFAULT_FOLDER = "results/sequential"
@@ -72,6 +73,6 @@ def conclude(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
     for row in check.to_dict("records"):
         print(
-            f"{row['response']}: {row['simulated']:.2f}, "
+            f"{row['response']}: {format_decimals(row['simulated'])}, "
             f"{row['deviation_percent']:+.2f} % off the target"
         )

@@ -32,6 +32,32 @@ def format_significant(value: float, digits: int = 4, sign: str = "") -> str:
     return text
 
 
+def format_decimals(value: float, decimals: int = 2, sign: str = "") -> str:
+    """Write a number with a fixed number of decimals, as the numbers of a column.
+
+    It has fewer decimals if it would otherwise have more than four significant digits.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    decimals : int, optional
+        The largest number of decimals.
+    sign : str, optional
+        ``+`` to write the sign of a positive number as well.
+    """
+    if not math.isfinite(value):
+        return format_significant(value, sign=sign)
+    # Round first: 99.996 becomes 100, which has fewer decimals.
+    rounded = float(f"{value:.{MAX_SIGNIFICANT_DIGITS}g}")
+    if rounded != 0:
+        decimals = min(decimals, _count_decimals(rounded, MAX_SIGNIFICANT_DIGITS))
+    # A number without decimals may have more than four digits before the point.
+    if decimals == 0:
+        return format_significant(rounded, sign=sign)
+    return f"{value:{sign}.{decimals}f}"
+
+
 def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
     """Write a mean with its standard error if that is known, as in ``65.98 +- 0.30``.
 
@@ -64,14 +90,9 @@ def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
 
     # Round the error first: 9.96 becomes 10, which has fewer decimals.
     rounded_error = float(f"{error:.{DIGITS_OF_ERROR}g}")
-    decimals_of_error = _count_decimals(rounded_error, DIGITS_OF_ERROR)
-    decimals_of_mean = decimals_of_error
-    if mean != 0:
-        decimals_of_mean = min(
-            decimals_of_error, _count_decimals(mean, MAX_SIGNIFICANT_DIGITS)
-        )
-    mean_text = f"{mean:{sign}.{decimals_of_mean}f}"
-    return f"{mean_text} +- {rounded_error:.{decimals_of_error}f}"
+    decimals = _count_decimals(rounded_error, DIGITS_OF_ERROR)
+    mean_text = format_decimals(mean, decimals, sign)
+    return f"{mean_text} +- {rounded_error:.{decimals}f}"
 
 
 def _count_decimals(value: float, digits: int) -> int:

@@ -157,7 +157,7 @@ def _warn_about_blocked_outlet(config: Config, height_mm: float) -> Iterator[str
     if height_mm > outlet_mm:
         yield (
             f"funnel: WARNING: a pile of {format_significant(height_mm, 3)} mm reaches the outlet at "
-            f"{outlet_mm:g} mm and stops the flow"
+            f"{format_significant(outlet_mm)} mm and stops the flow"
         )
 
 
@@ -402,7 +402,9 @@ def compare_volumes(config: Config, grain_volume_m3: float) -> Filling:
         cone_mm = format_significant(
             1e3 * _compute_cone_height_m(volume_m3, angle_deg), 3
         )
-        sentence += f": a cone of {angle_deg:g} deg and {cone_mm} mm Height"
+        sentence += (
+            f": a cone of {format_significant(angle_deg)} deg and {cone_mm} mm Height"
+        )
     return Filling(sentence, fits=True)
 
 
@@ -437,8 +439,8 @@ def _compare_with_cone(
     """
     cone_m3 = _compute_cone_volume_m3(height_mm, angle_deg)
     sentence = (
-        f"{poured_text}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
-        f"{_format_volume(cone_m3)}"
+        f"{poured_text}; the cone of {format_significant(angle_deg)} deg and "
+        f"{format_significant(height_mm)} mm Height holds {_format_volume(cone_m3)}"
     )
     if 1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= largest_ratio:
         return Filling(sentence, fits=True)
@@ -462,7 +464,10 @@ def _compare_slope(volume_m3: float, poured_text: str, height_mm: float) -> Fill
         The target for the height. The study has no target for the angle.
     """
     slope_deg = _compute_cone_slope_deg(volume_m3, height_mm)
-    cone_text = f"a cone of {height_mm:g} mm Height with a slope of {slope_deg:.3g} deg"
+    cone_text = (
+        f"a cone of {format_significant(height_mm)} mm Height with a slope of "
+        f"{format_significant(slope_deg, 3)} deg"
+    )
     flattest_deg, steepest_deg = SLOPES_DEG
     if flattest_deg <= slope_deg <= steepest_deg:
         return Filling(f"{poured_text}: {cone_text}", fits=True)

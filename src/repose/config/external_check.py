@@ -83,7 +83,7 @@ def _describe_input_script(
     for name, value in study.parameters.fixed.items():
         if name not in used_names:
             yield (
-                f"{name} is fixed at {value:g}, but the deck does not use this name; "
+                f"{name} is fixed at {format_significant(value)}, but the deck does not use this name; "
                 "make sure that the deck has the number that the program needs for it, "
                 "as a deck of `repose export` does"
             )
@@ -170,8 +170,9 @@ def _compare_with_targets(targets: Targets, run: Mapping[str, Any]) -> Iterator[
         response = format_significant(run[target.name])
         low = format_significant(target.low)
         high = format_significant(target.high)
+        value = format_significant(target.value)
         yield (
-            f"  {target.name} {response}{unit}; the target is {target.value:g}{unit}, "
+            f"  {target.name} {response}{unit}; the target is {value}{unit}, "
             f"{low} to {high}"
         )
 

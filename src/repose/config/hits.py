@@ -15,6 +15,7 @@ import numpy as np
 
 from repose.bench.parameters import PAIRS
 from repose.bench.scene import Scene, contacts_of, materials_of
+from repose.common.numbers import format_significant
 
 # Contact laws whose hits `compute_returned_restitution` can simulate.
 HERTZ_LAWS = ("hertz_mindlin", "hertz_mindlin_rescaled")
@@ -165,7 +166,9 @@ def describe_low_restitutions(
             settings.tension,
             steps_per_contact=contact_s / settings.time_step_s,
         )
-        descriptions.append(f"{returned:.3f} where {name} is {restitution:g}")
+        descriptions.append(
+            f"{returned:.3f} where {name} is {format_significant(restitution)}"
+        )
     if descriptions:
         yield (
             f"restitution: at this time step a hit at {FASTEST_IMPACT_M_S:g} m/s "

@@ -21,6 +21,7 @@ from repose.common import attached, usage
 from repose.common.errors import InputError, exit_on_fault
 from repose.common.ledger import LEDGER
 from repose.common.lock import lock_folder
+from repose.common.numbers import format_decimals
 from repose.config import dependencies, earlier_check, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 from repose.config.results_folder import RUN_TIMES_FILE
@@ -359,7 +360,10 @@ def _format_total_times(runs: Any) -> str:
     """Write the total times of a table of runs as text."""
     wall_min = runs["wall_s"].sum() / 60
     cpu_min = runs["cpu_s"].sum() / 60
-    return f"{wall_min:.1f} min by the clock, {cpu_min:.1f} min of processor time"
+    return (
+        f"{format_decimals(wall_min, 1)} min by the clock, "
+        f"{format_decimals(cpu_min, 1)} min of processor time"
+    )
 
 
 def _estimate_process_start_s() -> float:

@@ -183,7 +183,8 @@ def _format_page(job: Job, table: list[Row]) -> str:
     """Write the page edem.md as Markdown.
 
     The page names the models to choose and the files to import. It also contains the
-    table of values and a list of the differences from the study.
+    table of values and a list of the differences from the study. The values have six
+    digits, not four as texts for readers, because they are the input of a simulation.
     """
     law = job.simulation.contact_law
     contact_model = CONTACT_MODELS.get(law, DEFAULT_CONTACT_MODEL)

@@ -231,7 +231,7 @@ def _describe_test(test: Card) -> Iterator[str]:
     yield (
         f"{test['response']} ({test['apparatus']}): measured {measured} "
         f"(sd {sd}, {test['repetitions']} repetitions), "
-        f"target {test['low']:g} to {test['high']:g}, "
+        f"target {format_significant(test['low'])} to {format_significant(test['high'])}, "
         f"simulated {simulated} (runs: {test['runs']}): {_get_test_verdict(test)}"
     )
 

@@ -102,7 +102,10 @@ def judge_answer(answer: Answer, targets: Targets, note: str = "") -> tuple[bool
         [format_significant(value) for value in answer.mean]
     )
     ranges = targets.format_with_units(
-        [f"{target.low:g}-{target.high:g}" for target in targets]
+        [
+            f"{format_significant(target.low)}-{format_significant(target.high)}"
+            for target in targets
+        ]
     )
     where = "inside" if feasible else "NOT inside"
     message = f"The answer is predicted {predicted}, {where} {ranges}. {note}"

@@ -153,7 +153,8 @@ def _describe_campaigns(table: pd.DataFrame) -> str:
     scatters = table["noise_percent"]
     return (
         f"strategy {CAMPAIGN_STRATEGY}, {CAMPAIGN_PARAMETERS} free parameters, {numbers} "
-        f"targets, a scatter of {scatters.min():g} to {scatters.max():g} %"
+        f"targets, a scatter of {format_significant(scatters.min())} to "
+        f"{format_significant(scatters.max())} %"
     )
 
 

@@ -367,7 +367,7 @@ def _collect_statements(space: ParameterSpace, table: pd.DataFrame) -> dict[str,
     """Collect a statement about each parameter, the fixed ones included."""
     statements = dict(zip(table["parameter"], table["statement"], strict=True))
     for name, value in space.fixed.items():
-        statements[name] = f"{name} is fixed at {value:g}"
+        statements[name] = f"{name} is fixed at {format_significant(value)}"
     return statements
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from repose.common.files import write_table, write_text
+from repose.common.numbers import format_decimals
 from repose.common.target_range import compute_target_range
 from repose.measure.definitions import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs.photograph import Photograph
@@ -376,7 +377,7 @@ def _describe_measurement(measurement: Measurement) -> list[str]:
         f"angle of repose {measurement.aor_deg:.2f} deg"
     )
     if math.isfinite(measurement.height_mm):
-        numbers += f", Height {measurement.height_mm:.2f} mm"
+        numbers += f", Height {format_decimals(measurement.height_mm)} mm"
     reasons = [
         f"no {definition}: {reason}"
         for definition, reason in measurement.reasons.items()
@@ -413,10 +414,10 @@ def _describe_means(results: Tables, settings: MeasureSettings) -> list[str]:
         if column not in summary.index:
             continue
         row = summary.loc[column]
-        sd = "not known" if math.isnan(row.sd) else f"{row.sd:.2f}"
+        sd = "not known" if math.isnan(row.sd) else format_decimals(row.sd)
         # The response is the definition of the calibrated angle.
         mark = "  <- angle of repose" if name == settings.response else ""
         lines.append(
-            f"{name:>10}: {row.value:.2f} {unit}, {sd}, {row.repetitions:.0f}{mark}"
+            f"{name:>10}: {format_decimals(row.value)} {unit}, {sd}, {row.repetitions:.0f}{mark}"
         )
     return lines

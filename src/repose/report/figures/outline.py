@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repose.calibrate.targets import Target, Targets
+from repose.common.numbers import format_significant
 from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
@@ -313,4 +314,5 @@ def _find_heights_of_line(
 
 def _format_mean_and_sd(target: Target) -> str:
     """Write a measured mean with the standard deviation of single repetitions."""
-    return f"{target.value:g} ± {target.sd:g} {target.response.unit} (SD)"
+    mean = format_significant(target.value)
+    return f"{mean} ± {format_significant(target.sd)} {target.response.unit} (SD)"

@@ -13,7 +13,7 @@ from repose.bench.parameters import SYMBOLS
 from repose.calibrate.search.settings import MIN_LOSS
 from repose.calibrate.targets import Target
 from repose.common.files import read_json, read_table
-from repose.common.numbers import format_significant
+from repose.common.numbers import format_decimals, format_significant
 from repose.report.study_view import parameter_ranges
 
 from . import panels, style
@@ -121,10 +121,15 @@ def _describe_predictions(solutions: pd.DataFrame, target: Target) -> str:
     is_answer = _read_booleans(solutions["representative"])
     low = predicted.min()
     high = predicted.max()
-    sentence = f"Predicted {response.symbol}: {low:.2f} to {high:.2f} {response.unit}"
+    sentence = (
+        f"Predicted {response.symbol}: {format_decimals(low)} to {format_decimals(high)} "
+        f"{response.unit}"
+    )
     if is_answer.any():
-        sentence += f", the answer {predicted[is_answer].iloc[0]:.2f}"
-    return f"{sentence} (target range {target.low:g} to {target.high:g})."
+        sentence += f", the answer {format_decimals(predicted[is_answer].iloc[0])}"
+    target_low = format_significant(target.low)
+    target_high = format_significant(target.high)
+    return f"{sentence} (target range {target_low} to {target_high})."
 
 
 def _describe_overlap(
@@ -307,8 +312,8 @@ def _draw_published_interval(
 def _write_range(panel: Axes, y: float, low: float, high: float) -> None:
     """Write the ends of a parameter's range, `low` and `high`, below its strip at `y`."""
     text_style = {"fontsize": 6, "va": "top", "color": style.GREY}
-    panel.text(-0.01, y - 0.42, f"{low:g}", ha="left", **text_style)
-    panel.text(1.01, y - 0.42, f"{high:g}", ha="right", **text_style)
+    panel.text(-0.01, y - 0.42, format_significant(low), ha="left", **text_style)
+    panel.text(1.01, y - 0.42, format_significant(high), ha="right", **text_style)
 
 
 def _draw_strip(

@@ -25,6 +25,7 @@ from repose.calibrate.responses import Response
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import StrPath, write_bytes
+from repose.common.numbers import format_significant
 from repose.measure.settings import MeasureSettings, describe_height_band
 
 if TYPE_CHECKING:
@@ -440,7 +441,9 @@ def prepare_deviations(
     draw_tolerance(panel, percent)
     panel.set(xlabel=xlabel, ylabel="off the target (% of it)")
     response = target.response
-    panel.set_title(f"{response.symbol}, target {target.aim:g} {response.unit}")
+    panel.set_title(
+        f"{response.symbol}, target {format_significant(target.aim)} {response.unit}"
+    )
 
 
 def round_length(longest: float) -> float:

@@ -38,7 +38,12 @@ from repose.report.page.material import (
 from repose.report.page.pictures import EmbeddedPicture, embed_captioned_pictures
 from repose.report.page.prediction import has_network, unwrap_scales
 from repose.report.page.study import Results
-from repose.report.page.tables import CollapsibleTable, Table, make_collapsible_table
+from repose.report.page.tables import (
+    ROUNDING_FRACTION,
+    CollapsibleTable,
+    Table,
+    make_collapsible_table,
+)
 from repose.report.page.verdict import (
     VerdictText,
     format_percent,
@@ -57,9 +62,6 @@ OTHER_PROGRAM_STEP = (
 # An interval that covers this fraction of the range or more does not determine a
 # parameter.
 UNDETERMINED_FRACTION = 0.9
-# If a standard error is a smaller fraction of its mean, all runs gave the same value,
-# and the error is only due to rounding.
-ROUNDING_FRACTION = 1e-9
 # Angles by which the drum has turned: before the first slip, and at the time when the
 # run of the article ends.
 SLIP_ANGLE = "before_turned_deg"
@@ -548,7 +550,9 @@ def _make_response_row(results: Results, target: Target) -> list[str]:
     mean = format_significant(target.value)
     sd = format_significant(target.sd, 2)
     measured = f"{mean} ± {sd} {unit} (n = {target.repetitions})"
-    target_range = f"{target.low:g} to {target.high:g} {unit}"
+    target_range = (
+        f"{format_significant(target.low)} to {format_significant(target.high)} {unit}"
+    )
 
     # Write the simulated mean, and its difference from the measured mean.
     simulated = results.get_number(response.simulated)
@@ -921,8 +925,8 @@ def _make_table_of_sets_found(results: Results) -> Table | None:
     rows = []
     for name, (low, high) in parameter_ranges(results.parameters).items():
         values = results.solutions[name]
-        searched = f"{low:.3g} to {high:.3g}"
-        rows.append([name, f"{values.min():.3g} to {values.max():.3g}", searched])
+        found = _format_ends(values.min(), values.max())
+        rows.append([name, found, _format_ends(low, high)])
     columns = ["parameter", "smallest to largest value", "searched"]
     return Table(columns, rows, style="lines")
 
@@ -1052,7 +1056,7 @@ def _describe_noise_of_samples(results: Results) -> str:
         if errors is None or errors.isna().all():
             continue
         noise = np.sqrt((errors**2).mean())
-        clauses.append(f"{noise:.2g} {target.response.unit}".rstrip())
+        clauses.append(_format_with_unit(noise, target.response.unit))
     if not clauses:
         return ""
     return (

@@ -6,9 +6,13 @@ from typing import Any
 
 import pandas as pd
 
+from repose.calibrate.runs import name_error_column
 from repose.common.statuses import replace_statuses
 from repose.stages.published import STALE_WARNING
 
+# If a standard error or a standard deviation is a smaller fraction of its mean, all
+# values were the same, and it is only due to rounding.
+ROUNDING_FRACTION = 1e-9
 # Columns of text, which the style sheet aligns to the left.
 TEXT_COLUMNS = ("reason", "warning", "status", "role", "line", "source", "wall")
 
@@ -77,9 +81,21 @@ def make_collapsible_table(title: str, frame: pd.DataFrame) -> CollapsibleTable:
         frame = frame.assign(
             reason=frame["reason"].map(replace_statuses, na_action="ignore")
         )
+    frame = _replace_rounding_errors(frame)
     # A column of numbers cannot hold None, so convert it to objects first.
     rows = frame.astype(object).where(frame.notna(), None).values.tolist()
     return CollapsibleTable(f"{title} ({len(frame)} rows)", Table(columns, rows))
+
+
+def _replace_rounding_errors(frame: pd.DataFrame) -> pd.DataFrame:
+    """Replace each standard error or deviation that is only due to rounding by 0."""
+    pairs = [("mean", "standard_error"), ("mean", "sd")]
+    pairs += [(column, name_error_column(str(column))) for column in frame.columns]
+    for mean, spread in pairs:
+        if mean in frame and spread in frame:
+            is_rounding = frame[spread] < ROUNDING_FRACTION * frame[mean].abs()
+            frame = frame.assign(**{spread: frame[spread].mask(is_rounding, 0.0)})
+    return frame
 
 
 def format_tables(tables: Iterable[Table]) -> str:

@@ -1,6 +1,7 @@
 """Fill the Jinja2 templates of the report, which escape every value."""
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,16 +9,24 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from repose.common.numbers import format_significant
 
+# Several numbers in one cell, such as one for each input of a network
+NUMBERS = re.compile(r"{0}( {0})+".format(r"-?[0-9]+(\.[0-9]+)?(e[-+][0-9]+)?"))
 PAGE_FOLDER = Path(__file__).parent
 
 
 def cell_text(value: Any) -> str:
-    """Write a table cell: a float with four digits; None and NaN as an empty string."""
+    """Write a table cell: numbers with four digits; None and NaN as an empty string.
+
+    The text of a cell may be a list of decimal numbers, separated by spaces.
+    """
     if value is None:
         return ""
     if isinstance(value, float):
         return "" if math.isnan(value) else format_significant(value)
-    return str(value)
+    text = str(value)
+    if NUMBERS.fullmatch(text):
+        return " ".join(format_significant(float(number)) for number in text.split())
+    return text
 
 
 def plus_minus(text: str) -> str:
