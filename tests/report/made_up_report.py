@@ -87,6 +87,7 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
         }
     )
     posterior["width_ratio"] = 0.9
+    posterior["information_bits"] = 0.1
     posterior["r_hat"] = 1.1
     frames = {
         "dataset": dataset,

@@ -21,6 +21,7 @@ from repose.calibrate.responses import name_derived_column
 from repose.calibrate.runs import name_error_column
 from repose.calibrate.surrogates import load
 from repose.calibrate.targets import Targets
+from repose.calibrate.uncertainty.posterior import state_determination
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import MeasureSettings, line_of
 from repose.report.page import page, prediction, scene, three
@@ -487,6 +488,18 @@ def test_the_page_says_what_the_measurements_do_not_determine(tmp_path):
         assert "101 %" not in text
         assert f"{inside.sum()} of the 60 simulated samples already lie inside" in text
     assert ("50 %: not determined" in text) is False
+    # A wide interval with much information: the report says what the command says.
+    for width, bits in ((0.93, 0.23), (0.89, 0.1), (0.95, 1.2)):
+        table["width_ratio"] = width
+        table["information_bits"] = bits
+        table.to_csv(files["posterior"], index=False)
+        row = {"below_centre": 0.6, **table.iloc[0], "parameter": "a"}
+        is_open = "a is not determined" in state_determination(row)
+        text = written((config, jobs, files), tmp_path)
+        assert (f"{100 * width:.0f} %: not determined" in text) is is_open
+        assert ("determine none of the 6" in text) is is_open
+    table["width_ratio"] = 0.5
+    table.to_csv(files["posterior"], index=False)
     del files["posterior_summary"]
     text = written((config, jobs, files), tmp_path)
     assert "With the assumed error of the simulator, the measurements narrow" in text

@@ -164,6 +164,7 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
         config, solutions, (intervals, solutions.assign(mus_gg=solutions["mur_gg"]))
     )
     assert made_card["interval"] == POSTERIOR_INTERVAL
+    assert "determination" not in made_card["parameters"]["e_gg"]
     assert made_card["parameters"]["e_gg"]["low"] == 0.21
     assert made_card["parameters"]["e_gg"]["high"] == 0.39
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == 1.0
@@ -279,6 +280,35 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
     )
     assert line_of["mus_gp"].endswith(f"; {WIDENED}")
     assert line_of["mus_gg"].endswith("static friction, grain-grain")
+
+
+@pytest.mark.parametrize(
+    ("ratios", "bits", "words", "sentence"),
+    [
+        ([0.9, 0.93, 1.0, 0.95, 0.9], 0.23, "not determined", "none of the 5 param"),
+        (
+            [0.89, 0.93, 1.0, 0.95, 0.9],
+            0.1,
+            "weakly determined",
+            "4 not determined, 1 weakly determined.",
+        ),
+        ([0.5] * 5, 1.2, "determined", "5 determined."),
+    ],
+)
+def test_a_card_says_how_well_each_parameter_is_determined(
+    ratios, bits, words, sentence, config, solutions
+):
+    free = [name for name in PARAMETERS if name not in FIXED]
+    intervals = pd.DataFrame(
+        {"parameter": free, "credible_low": 0.2, "credible_high": 0.4}
+    ).assign(width_ratio=ratios, information_bits=bits)
+    found = made(config, solutions, (intervals, solutions))
+    card.check_card(found, "card")
+    assert found["parameters"][free[0]]["determination"] == words
+    assert "determination" not in found["parameters"]["e_gp"]
+    text = card_text.describe_card(found)
+    assert f"restitution, grain-grain; {words}\n" in text
+    assert sentence in text
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 
 from repose.calibrate.answer import Result
+from repose.calibrate.determination import judge_determination
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.common import provenance
 
@@ -75,12 +76,14 @@ def assemble_card(
     if posterior is not None:
         _, parameter_sets = posterior
     intervals = find_intervals(space, solutions, posterior)
+    determinations = _judge_determinations(posterior)
     card: dict[str, Any] = {"card": CARD_VERSION, "material": answer.label, **about}
     card |= {
         "parameters": {
             name: _describe_parameter(
                 name, answer.parameters[name], intervals[name], space, labels or {}
             )
+            | determinations.get(name, {})
             for name in space.names
         },
         "interval": SOLUTION_RANGE if posterior is None else POSTERIOR_INTERVAL,
@@ -138,6 +141,25 @@ def _describe_parameter(
     if name in space.scale:
         entry["scale"] = space.scale[name]
     return entry
+
+
+def _judge_determinations(
+    posterior: "PosteriorTables | None",
+) -> dict[str, dict[str, str]]:
+    """Make the entry of each free parameter that says how well it is determined.
+
+    The entries are missing without a posterior, or if its table lacks a column.
+    """
+    if posterior is None:
+        return {}
+    table, _ = posterior
+    if not {"width_ratio", "information_bits"} <= set(table.columns):
+        return {}
+    entries = {}
+    for row in table.to_dict("records"):
+        determination = judge_determination(row["width_ratio"], row["information_bits"])
+        entries[str(row["parameter"])] = {"determination": determination.value}
+    return entries
 
 
 def _correlate_parameters(

@@ -12,6 +12,7 @@ from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 
 from repose.bench.parameters import PARAMETERS, PHYSICAL_LIMITS
 from repose.calibrate.answer import Verdict
+from repose.calibrate.determination import Determination
 from repose.common.errors import InputError, raise_together
 from repose.common.files import StrPath, read_json
 from repose.common.section import ABSENT, OneOf, Section
@@ -102,6 +103,13 @@ class Parameter(Section):
         ABSENT,
         description="the interval did not contain the value and was extended to it, "
         "or to the bound at which it lies",
+    )
+    determination: Annotated[
+        str, OneOf(lambda: [kind.value for kind in Determination])
+    ] = Field(
+        ABSENT,
+        description="how well the measurements determine the parameter; missing "
+        "without a posterior",
     )
     given: Literal["calibrated", "calibrated from a prior", "fixed"]
     scale: Literal["log"] = Field(

@@ -14,6 +14,7 @@ from repose.calibrate.answer import (
     format_verdict_line,
 )
 from repose.calibrate.card import SOLUTION_RANGE, add_remark
+from repose.calibrate.determination import describe_determinations
 from repose.common.numbers import format_significant, format_with_error
 
 # A pair of parameters is listed if its absolute correlation is at least this.
@@ -109,8 +110,17 @@ def _describe_parameters(card: Card) -> Iterator[str]:
     yield f"parameters [{_describe_interval_kind(card)}]:"
     for name, parameter in card["parameters"].items():
         meaning = add_remark(parameter["meaning"], parameter)
+        if "determination" in parameter:
+            meaning += f"; {parameter['determination']}"
         # The widths suit the names of contact parameters and numbers of four digits.
         yield f"  {name:7} {_format_interval(parameter):32} {meaning}"
+    determinations = [
+        parameter["determination"]
+        for parameter in card["parameters"].values()
+        if "determination" in parameter
+    ]
+    if determinations:
+        yield describe_determinations(determinations)
     # The card lists parameters whose value is close to an end of its range.
     if "near_bounds" in card:
         yield f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(card['near_bounds'])}"

@@ -54,11 +54,13 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
         == "e_gp is not determined: 98 % of the prior's width, 0.05 bits"
     )
     row |= {"information_bits": 0.6}
+    assert "e_gp is not determined: 98 %" in posterior.state_determination(row)
+    row |= {"width_ratio": 0.89}
     assert (
         "weakly determined, in the high half with probability 0.55"
         in posterior.state_determination(row)
     )
-    row |= {"information_bits": 1.5}
+    row |= {"information_bits": 1.5, "width_ratio": 0.98}
     assert (
         "e_gp lies in one of several places within 0.21 to 0.49"
         in posterior.state_determination(row)

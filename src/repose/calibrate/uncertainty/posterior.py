@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate import training as train
+from repose.calibrate.determination import Determination, judge_determination
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Definitions, name_derived_column
 from repose.calibrate.scales import to_coordinates
@@ -53,13 +54,6 @@ MAX_KEPT_DRAWS = 4000
 # Convergence: Vehtari et al. 2021, Bayesian Analysis 16, 667.
 MAX_R_HAT = 1.01
 MIN_EFFECTIVE_DRAWS = 400
-# Limits of the Kullback-Leibler information, in bits. A uniform distribution over half
-# the range has 1 bit.
-DETERMINED_BITS = 1.0
-UNDETERMINED_BITS = 0.2
-# If an interval is wider than this fraction of the prior's interval, the parameter is
-# not determined, even if its information is large.
-WIDE_RATIO = 0.75
 # A warning is due if more than this fraction of the draws lies where samples are sparse.
 MAX_SPARSE_FRACTION = 0.5
 
@@ -578,22 +572,21 @@ def state_determination(row: Mapping[str, Any]) -> str:
     high = format_significant(row["credible_high"], 3)
     interval = f"{low} to {high}"
     width = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
-    if bits < UNDETERMINED_BITS:
-        return f"{name} is not determined: {width}"
+    determination = judge_determination(row["width_ratio"], bits)
     # With little information, only state in which half of the prior the parameter lies.
-    if bits < DETERMINED_BITS:
+    if determination is Determination.WEAK:
         low_half_probability = row["below_centre"]
         high_half_probability = 1 - low_half_probability
         half = "high" if high_half_probability >= low_half_probability else "low"
         return (
-            f"{name} is weakly determined, in the {half} half with probability "
+            f"{name} is {determination}, in the {half} half with probability "
             f"{max(high_half_probability, low_half_probability):.2f}: {width}"
         )
-    # If there is much information in spite of a wide interval, the draws form several
-    # groups.
-    if row["width_ratio"] > WIDE_RATIO:
-        return f"{name} lies in one of several places within {interval}: {width}"
-    return f"{name} is determined, {interval}: {width}"
+    if determination is Determination.SEVERAL:
+        return f"{name} lies {determination} within {interval}: {width}"
+    if determination is Determination.DETERMINED:
+        return f"{name} is {determination}, {interval}: {width}"
+    return f"{name} is {determination}: {width}"
 
 
 def describe_posterior(summary: Mapping[str, Any]) -> str:

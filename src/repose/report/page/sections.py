@@ -20,6 +20,7 @@ from repose.calibrate.bounds import describe_near_bound
 from repose.calibrate.card import add_remark, make_interval_entry
 from repose.calibrate.designs.latin_hypercube import METHOD_LABELS
 from repose.calibrate.designs.settings import DesignSettings
+from repose.calibrate.determination import Determination, judge_determination
 from repose.calibrate.responses import compute_deviation_percent
 from repose.calibrate.runs import describe_overlaps, name_error_column
 from repose.calibrate.targets import Target
@@ -59,9 +60,6 @@ OTHER_PROGRAM_STEP = (
     "The runs were made by another program, so this report has no grain, no drum, no "
     "published sets and no pictures of piles."
 )
-# An interval that covers this fraction of the range or more does not determine a
-# parameter.
-UNDETERMINED_FRACTION = 0.9
 # Angles by which the drum has turned: before the first slip, and at the time when the
 # run of the article ends.
 SLIP_ANGLE = "before_turned_deg"
@@ -214,8 +212,8 @@ def _describe_origin(results: Results) -> str:
 def _describe_determination(results: Results) -> str:
     """Describe for how many parameters the measurements narrow the 95 % interval.
 
-    An interval counts as narrowed if its width is less than `UNDETERMINED_FRACTION` of
-    what it would be without the measurements.
+    `repose.calibrate.determination` says when an interval does not determine its
+    parameter.
 
     Parameters
     ----------
@@ -232,7 +230,10 @@ def _describe_determination(results: Results) -> str:
     # Width of each interval, divided by its width without the measurements.
     width_fractions = results.posterior["width_ratio"]
     n_parameters = len(width_fractions)
-    n_narrowed = int((width_fractions < UNDETERMINED_FRACTION).sum())
+    n_narrowed = sum(
+        _judge_determination(row) is not Determination.NOT
+        for _, row in results.posterior.iterrows()
+    )
     # The intervals are estimates, so this fraction may slightly exceed 1.
     narrowest = 100 * min(width_fractions.min(), 1.0)
     condition = (
@@ -419,7 +420,7 @@ def _make_parameter_row(results: Results, name: str, value: float) -> list[str]:
     if row is not None:
         interval_cells = [
             _format_ends(interval["low"], interval["high"]),
-            _describe_fraction_left_open(row["width_ratio"]),
+            _describe_fraction_left_open(row),
         ]
     searched = _format_ends(*parameter_ranges(parameters)[name])
     # `add_remark` separates label and remark by "; ". Remove it after an empty label.
@@ -432,16 +433,23 @@ def _format_ends(low: float, high: float) -> str:
     return f"{format_significant(low, 3)} to {format_significant(high, 3)}"
 
 
-def _describe_fraction_left_open(width_ratio: float) -> str:
+def _describe_fraction_left_open(row: pd.Series) -> str:
     """Write how much of a parameter's range the measurements leave open, in percent.
 
-    `width_ratio` is the width of the 95 % interval over its width without the
-    measurements. The intervals are estimates, so the ratio may slightly exceed 1.
+    `row` is that of posterior.csv. Its `width_ratio` is the width of the 95 % interval
+    over its width without the measurements. The intervals are estimates, so the ratio
+    may slightly exceed 1.
     """
-    percent = f"{100 * min(width_ratio, 1.0):.0f} %"
-    if width_ratio >= UNDETERMINED_FRACTION:
-        return f"{percent}: not determined"
+    percent = f"{100 * min(row['width_ratio'], 1.0):.0f} %"
+    determination = _judge_determination(row)
+    if determination is Determination.NOT:
+        return f"{percent}: {determination}"
     return percent
+
+
+def _judge_determination(row: pd.Series) -> Determination:
+    """Judge how well the measurements determine the parameter of a row of posterior.csv."""
+    return judge_determination(row["width_ratio"], row["information_bits"])
 
 
 # --- The material ---------------------------------------------------------------------

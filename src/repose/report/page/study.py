@@ -56,6 +56,7 @@ POSTERIOR_COLUMNS = (
     "credible_low",
     "credible_high",
     "width_ratio",
+    "information_bits",
     "r_hat",
 )
 
