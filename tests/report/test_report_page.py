@@ -463,6 +463,30 @@ def test_table_4_has_parameters_errors_and_the_published_sets(tmp_path):
     assert table4.count('<tr class="screen">') == 2  # they are not printed
 
 
+def test_the_published_answer_stands_beside_the_parameters(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS, fixed=("e_gp",))
+    header = "<th>published answer</th>"
+    assert header not in written((config, jobs, files), tmp_path)
+    sets = pd.DataFrame([{name: 0.2531 for name in PARAMETERS}] * 2)
+    sets = sets.assign(solution=["22", "representative"], source="Ji et al. 2026")
+    files["published"] = tmp_path / "published.csv"
+    sets.to_csv(files["published"], index=False)
+    for given in (files, {name: files[name] for name in files if name != "posterior"}):
+        text = written((config, jobs, given), tmp_path)
+        table = text[text.index(header) : text.index('id="copy"')]
+        rows = re.findall("<tr.*?</tr>", table)
+        assert len(rows) == len(PARAMETERS)
+        n_columns = text[: text.index(header)].rpartition("<tr>")[2].count("<th")
+        for row in rows:
+            cells = re.findall(r"<td[^>]*>([^<]*)</td>", row)
+            assert cells[n_columns] == "0.253"
+            assert len(cells) == n_columns + 1 + (2 if given is files else 0) + 1
+        assert "recommends (Ji et al. 2026)" in text
+    # The table of a publication that recommends no set
+    sets[:1].to_csv(files["published"], index=False)
+    assert header not in written((config, jobs, files), tmp_path)
+
+
 def test_the_page_says_what_the_measurements_do_not_determine(tmp_path):
     config, jobs, files = made_up_study(tmp_path, TARGETS)
     table = pd.read_csv(files["posterior"])

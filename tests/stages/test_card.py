@@ -282,6 +282,68 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
     assert line_of["mus_gg"].endswith("static friction, grain-grain")
 
 
+@pytest.fixture
+def comparisons():
+    """Those of the kept study: its samples, and the published sets that it shows."""
+    study = studied(copy.deepcopy(PipelineConfig.load("config/config.yaml").config))
+    files = {
+        "dataset": STUDY / "dataset.csv",
+        "published": ROOT / "resources/published/table4.csv",
+        "published_simulated": STUDY / "validation/published.csv",
+    }
+    return card_study._make_comparisons(study, files)
+
+
+def test_a_card_has_the_published_answer_and_the_samples_inside(
+    comparisons, config, solutions
+):
+    published = comparisons["published"]
+    assert published["parameters"]["mus_gg"] == 0.642
+    assert published["source"].startswith("Ji et al. 2026")
+    stored = pd.read_csv(STUDY / "validation/published.csv")
+    row = stored[stored["solution"] == "representative"].iloc[0]
+    mean = published["responses"]["aor_deg"]
+    assert mean["simulated"] == row["aor_simulated_deg"]
+    assert mean["standard_error"] == row["aor_se_deg"]
+    assert published["runs"] == row["n_seeds"]
+    assert ("stale" in published) is bool(row["stale"])
+    inside = comparisons["samples_inside"]
+    samples = pd.read_csv(STUDY / "dataset.csv")
+    is_met = samples["aor_deg"].between(31, 34) & samples["height_mm"].between(64, 69)
+    assert (inside["samples"], inside["inside"]) == (len(samples), is_met.sum())
+    span = np.ptp(samples.loc[is_met, "mus_gg"]) / (0.75 - 0.35)
+    assert inside["spans"]["mus_gg"] == pytest.approx(span)
+    assert set(inside["spans"]) == set(PARAMETERS)
+    found = made(config, solutions) | comparisons
+    card.check_card(found, "card")
+    lines = card_text.describe_card(found).splitlines()
+    (sentence,) = [line for line in lines if "simulated samples already lie" in line]
+    assert "of the searched ranges" in sentence
+    (answer_line,) = [line for line in lines if line.startswith("published answer")]
+    assert "mus_gg 0.642, mur_gg 0.037" in answer_line
+    assert f"{row['height_simulated_mm']:.2f} +- {row['height_se_mm']:.2f} mm" in (
+        answer_line
+    )
+    del published["responses"], published["runs"]
+    card.check_card(found, "card")
+    assert "simulated here" not in card_text.describe_card(found)
+
+
+def test_a_card_without_published_sets_has_none(tmp_path):
+    study = studied(copy.deepcopy(PipelineConfig.load("config/config.yaml").config))
+    none = {"dataset": None, "published": None, "published_simulated": None}
+    assert card_study._make_comparisons(study, none) == {}
+    # A table without a recommended set, and one that was simulated by another engine
+    sets = pd.read_csv(ROOT / "resources/published/table4.csv")
+    path = tmp_path / "sets.csv"
+    sets[sets["solution"] != "representative"].to_csv(path, index=False)
+    assert card_study._make_comparisons(study, none | {"published": path}) == {}
+    stored = pd.read_csv(STUDY / "validation/published.csv").assign(stale=True)
+    stored.to_csv(path, index=False)
+    files = none | {"published": path, "published_simulated": path}
+    assert card_study._make_comparisons(study, files)["published"]["stale"] is True
+
+
 @pytest.mark.parametrize(
     ("ratios", "bits", "words", "sentence"),
     [
@@ -675,8 +737,11 @@ def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
         "feasible": "miga/feasible.csv",
         "summary": "miga/summary.json",
         "representative": "validation/representative.csv",
+        "dataset": "dataset.csv",
+        "published-simulated": "validation/published.csv",
     }
     arguments = [f"--{name}={STUDY / path}" for name, path in files.items()]
+    arguments.append(f"--published={ROOT / 'resources/published/table4.csv'}")
     command(
         "stage", "material_card", *arguments, f"--particle={particle}", f"--out={out}"
     )
@@ -688,6 +753,8 @@ def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
     )
     assert found["made_by"]["configuration"] is not None
     assert found["tests"]
+    assert found["published"]["runs"] > 0
+    assert found["samples_inside"]["samples"] == 150
 
 
 def test_a_card_holds_the_parameters_of_every_contact_law(config, solutions):

@@ -56,6 +56,12 @@ def test_a_kept_card_agrees_with_itself_and_so_do_its_rounded_numbers(path, digi
 
 # What somebody edits, and the message, which names both keys with their values.
 EDITED = {
+    "more samples inside than samples": (
+        MAIZE,
+        {"samples_inside": {"samples": 20, "inside": 21}},
+        "samples_inside.inside is 21; expected at most the number of all samples, "
+        "because samples_inside.samples is 20",
+    ),
     "a verdict of the card": (
         GOJI,
         {"verdict": "NOT met"},

@@ -24,6 +24,16 @@ POSTERIOR_SUMMARY = HAS_POSTERIOR and rules.posterior_tables.output.summary
 OWN_PILES = drop_missing(
     {"dataset": AFTER_THE_ARTICLE and rules.dataset.output.dataset}
 )
+# The set that a publication recommends stands in the card, simulated here where the study has a stored table.
+HAS_PUBLISHED = BY_THE_CHAIN and bool(PUBLISHED_NAMES)
+PUBLISHED_OF_CARD = drop_missing(
+    {
+        "published": HAS_PUBLISHED and config["validation"]["published"],
+        "published-simulated": HAS_PUBLISHED
+        and PUBLISHED_IS_STORED
+        and rules.validate.output.published,
+    }
+)
 # Figures of the page by the strategy that gives the answer; `figures.smk` says which a study has.
 PICTURES = {
     "published": (
@@ -58,9 +68,7 @@ PAGE = drop_missing(
         "particle": HAS_PILE and rules.shape.output.particle,
         "trajectory": HAS_PILE and TRAJECTORY,
         "photograph": config.get("photograph"),
-        "published": BY_THE_CHAIN
-        and bool(PUBLISHED_NAMES)
-        and config["validation"]["published"],
+        "published": PUBLISHED_OF_CARD.get("published"),
         "drum_summary": BY_THE_CHAIN and "drum" in config and rules.drum.output.summary,
     }
 ) | find_figure_paths("plane", "profiles", *PICTURES.get(STRATEGY, ()))
@@ -148,6 +156,7 @@ rule card:
         **GRAIN_OF_CARD,
         **POSTERIOR,
         **OWN_PILES,
+        published=list(PUBLISHED_OF_CARD.values()),
         feasible=find_answer().feasible,
         summary=find_answer().summary,
         representative=find_answer().representative,
@@ -165,7 +174,9 @@ rule card:
         code=code_hash("stages.card_study", "stages.answer"),
         tables=[
             f"--{name}={path}"
-            for name, path in (GRAIN_OF_CARD | POSTERIOR | OWN_PILES).items()
+            for name, path in (
+                GRAIN_OF_CARD | POSTERIOR | OWN_PILES | PUBLISHED_OF_CARD
+            ).items()
         ],
         settings=select_stage_settings("material_card") | {"label": config["label"]},
     message:

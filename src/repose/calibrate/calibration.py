@@ -18,6 +18,7 @@ from repose.calibrate.answer import (
     is_out_of_reach,
 )
 from repose.calibrate.progress import announce
+from repose.calibrate.samples_inside import find_samples_inside
 from repose.calibrate.strategies import answer as answers
 from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import OK, check_responses
@@ -147,6 +148,11 @@ class Calibration(NamedTuple):
             space=self.study.parameters,
             solutions=self.solutions,
             posterior=self._posterior_tables,
+            comparisons={
+                "samples_inside": find_samples_inside(
+                    self.samples, self.study.parameters, self.study.targets
+                )
+            },
         )
         # The record of provenance, from which `assemble_card` takes the seed, belongs
         # to a stage of the workflow. There is none here, so add the seed.

@@ -45,6 +45,7 @@ def assemble_card(
     solutions: "pd.DataFrame",
     posterior: "PosteriorTables | None" = None,
     labels: Mapping[str, str] | None = None,
+    comparisons: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Assemble a material card from its parts.
 
@@ -66,6 +67,9 @@ def assemble_card(
         correlations are those of the solutions.
     labels : mapping, optional
         Meaning of each parameter, by default its name.
+    comparisons : mapping, optional
+        Entries of the card with which the answer is compared: ``samples_inside`` and
+        ``published``.
 
     Returns
     -------
@@ -102,6 +106,7 @@ def assemble_card(
         card["near_bounds"] = list(answer.near_bounds)
     if answer.small_run:
         card["small_run"] = True
+    card |= comparisons or {}
     card["within"] = {
         f"{percent:g} %": probability for percent, probability in answer.within.items()
     }

@@ -23,6 +23,8 @@ FILE_OPTIONS = (
     "posterior",
     "draws",
     "dataset",
+    "published",
+    "published_simulated",
 )
 SUMMARY_PATH = "results/miga/summary.json"
 REPRESENTATIVE_PATH = "results/validation/representative.csv"
@@ -114,7 +116,16 @@ def card(args: argparse.Namespace) -> int:
     Option(
         "--dataset",
         help="dataset.csv of the study; its piles help to judge whether piles of these "
-        "grains can have the angle of a target",
+        "grains can have the angle of a target, and the card counts its samples that meet "
+        "all targets",
+    ),
+    Option(
+        "--published",
+        help="table of published parameter sets; the card then has the recommended one",
+    ),
+    Option(
+        "--published-simulated",
+        help="published.csv of the subcommand validate, with these sets simulated here",
     ),
     out="results/card.json",
 )

@@ -217,6 +217,44 @@ class TestRow(Section):
     )
 
 
+class PublishedMean(Section):
+    """A response of the published answer, simulated in the bench test of the study."""
+
+    simulated: float = Field(description="mean of the simulations")
+    standard_error: NotNegative | None = Field(
+        description="standard error of this mean; null if it is unknown"
+    )
+
+
+class Published(Section):
+    """The answer that a publication recommends, to compare it with that of the study."""
+
+    source: Text = Field(ABSENT, description="the publication")
+    parameters: Annotated[dict[str, float], Field(min_length=1)]
+    responses: dict[str, PublishedMean] = Field(
+        ABSENT,
+        description="means in the simulator of the study; missing if not simulated",
+    )
+    runs: int = Field(ABSENT, ge=0, description="number of these simulations")
+    stale: Literal[True] = Field(
+        ABSENT, description="they were made with another engine or scene than the study"
+    )
+
+
+class SamplesInside(Section):
+    """How many simulated samples already meet all targets."""
+
+    samples: int = Field(ge=0, description="number of all simulated samples")
+    inside: int = Field(
+        ge=0, description="number of samples whose means lie in all target ranges"
+    )
+    spans: dict[str, Chance] = Field(
+        ABSENT,
+        description="fraction of its range over which a parameter varies in these "
+        "samples; missing for fewer than two",
+    )
+
+
 class MadeBy(Section):
     """The program, settings and seed that made the card."""
 
@@ -274,6 +312,14 @@ class AnyCard(Section):
         ABSENT,
         description="the study was too small for a calibration, and only shows that the "
         "program works",
+    )
+    samples_inside: SamplesInside = Field(
+        ABSENT,
+        description="the simulated samples that already meet all targets; missing "
+        "for a strategy of our simulator without a design",
+    )
+    published: Published = Field(
+        ABSENT, description="a published answer; missing if the study has none"
     )
     within: dict[str, Chance | None] = Field(
         description="probability that all means lie within 1 % or 2 % of their targets; "

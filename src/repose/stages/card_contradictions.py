@@ -108,6 +108,7 @@ def find_contradictions(card: Entry) -> Iterator[Contradiction]:
     if "reason" in card:
         yield from _check_intervals(card["parameters"])
     yield from _check_correlations(card)
+    yield from _check_samples_inside(card)
     if "grain" in card:
         yield from _check_grain(card["grain"])
 
@@ -391,6 +392,16 @@ def _check_intervals(parameters: Mapping[str, Entry]) -> Iterator[Contradiction]
                 "low or high to be the value itself",
                 {f"{key}.value": value, **ends},
             )
+
+
+def _check_samples_inside(card: Entry) -> Iterator[Contradiction]:
+    """Compare the number of samples that meet all targets with that of all samples."""
+    if "samples_inside" not in card:
+        return
+    counts = card["samples_inside"]
+    if counts["inside"] > counts["samples"]:
+        expected = "at most the number of all samples"
+        yield _contradict("samples_inside", counts, "inside", expected, "samples")
 
 
 def _check_correlations(card: Entry) -> Iterator[Contradiction]:

@@ -20,13 +20,14 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.profiles import ProfileSection
 from repose.calibrate.responses import Response, name_derived_column
 from repose.calibrate.runs import name_error_column
+from repose.calibrate.samples_inside import find_samples_inside
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError, raise_together
 from repose.common.files import StrPath, read_table, write_json
 from repose.grain.berry_files import SIZE_COLUMNS, read_grain
 from repose.grain.settings import GrainSettings
 from repose.measure.settings import MeasureSettings
-from repose.stages import card
+from repose.stages import card, published
 from repose.stages.settings import SimulatorSettings
 
 if TYPE_CHECKING:
@@ -150,7 +151,8 @@ def write_card(
         is always needed. ``posterior`` and ``table4`` must be present, but may be None.
         ``draws`` is needed if ``posterior`` is not None. If repose simulated the study,
         ``berry`` (the measured grains) and ``particle`` (the simulated grain) are
-        needed, too, and ``dataset`` must be present, but may be None.
+        needed, too. ``dataset`` must be present, but may be None. So must ``published``
+        and ``published_simulated``: the published sets, and their simulations here.
     out : path
         The file to write.
 
@@ -169,6 +171,7 @@ def write_card(
     feasible = read_table(files["feasible"], study.parameters.names)
     posterior = _read_posterior(files, study.parameters)
     answer_row = _read_answer_row(files["table4"])
+    comparisons = _make_comparisons(study, files)
     if study.simulator is not None:
         content = make_external_card(
             study,
@@ -177,6 +180,7 @@ def write_card(
             feasible,
             posterior=posterior,
             answer_row=answer_row,
+            comparisons=comparisons,
         )
     else:
         content = make_card(
@@ -188,6 +192,7 @@ def write_card(
             posterior=posterior,
             dataset_csv=files["dataset"],
             answer_row=answer_row,
+            comparisons=comparisons,
         )
     card.check_card(content, out)
     write_json(out, content, indent=1)
@@ -219,6 +224,94 @@ def _read_answer_row(table4_csv: StrPath | None) -> dict[str, Any] | None:
     return find_answer(table4, source=table4_csv).to_dict()
 
 
+def _make_comparisons(study: CardStudy, files: Mapping[str, Any]) -> dict[str, Any]:
+    """Make the entries of the card with which the answer is compared.
+
+    `files` has the paths ``dataset``, ``published`` and ``published_simulated``, or
+    None for a file that the study lacks.
+    """
+    comparisons: dict[str, Any] = {}
+    names = study.parameters.names
+    if files["dataset"] is not None:
+        samples = read_table(files["dataset"], (*names, *study.targets.names))
+        comparisons["samples_inside"] = find_samples_inside(
+            samples, study.parameters, study.targets
+        )
+    if files["published"] is not None:
+        published_answer = read_published_answer(
+            files["published"],
+            files["published_simulated"],
+            parameter_names=names,
+            responses=study.targets.responses,
+        )
+        if published_answer is not None:
+            comparisons["published"] = published_answer
+    return comparisons
+
+
+def read_published_answer(
+    published_csv: StrPath,
+    simulated_csv: StrPath | None,
+    *,
+    parameter_names: Sequence[str],
+    responses: Iterable[Response],
+) -> dict[str, Any] | None:
+    """Read the set that a publication recommends, and its simulations here.
+
+    Parameters
+    ----------
+    published_csv : path
+        The published sets.
+    simulated_csv : path or None
+        Their simulations, a table of `repose.stages.validate.compare_with_published`,
+        which may have no rows.
+    parameter_names : sequence of str
+        Parameters of the study.
+    responses : iterable of Response
+        Responses of the study.
+
+    Returns
+    -------
+    dict or None
+        The entry ``published`` of the card; None if no set is recommended.
+    """
+    sets = read_table(published_csv, ("solution", *parameter_names))
+    row = _find_recommended_set(sets)
+    if row is None:
+        return None
+    entry: dict[str, Any] = {}
+    if isinstance(row.get("source"), str):
+        entry["source"] = row["source"]
+    entry["parameters"] = {name: float(row[name]) for name in parameter_names}
+    if simulated_csv is None:
+        return entry
+    simulated = _find_recommended_set(read_table(simulated_csv, ("solution",)))
+    if simulated is None:
+        return entry
+
+    means = {}
+    for response in responses:
+        mean = simulated.get(response.simulated)
+        if mean is None or math.isnan(mean):
+            continue
+        error = float(simulated.get(response.standard_error, math.nan))
+        means[response.name] = {
+            "simulated": float(mean),
+            "standard_error": None if math.isnan(error) else error,
+        }
+    if means:
+        entry |= {"responses": means, "runs": int(simulated["n_seeds"])}
+        if simulated["stale"]:
+            entry["stale"] = True
+    return entry
+
+
+def _find_recommended_set(sets: "pd.DataFrame") -> dict[str, Any] | None:
+    """Find the row of the set that a publication recommends, in a table of sets."""
+    rows = sets[sets["solution"] == published.REPRESENTATIVE].to_dict("records")
+    return rows[0] if rows else None
+
+
 def make_card(
     study: CardStudy,
     answer: Result,
@@ -228,6 +321,7 @@ def make_card(
     posterior: "PosteriorTables | None" = None,
     dataset_csv: StrPath | None = None,
     answer_row: Mapping[str, Any] | None = None,
+    comparisons: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Make the material card of a calibration that repose simulated.
 
@@ -251,6 +345,8 @@ def make_card(
     answer_row : mapping, optional
         The row of the answer in table4.csv. If it has the angle of the answer's piles
         by every definition in `repose.measure.angles`, the card states all of them.
+    comparisons : mapping, optional
+        Entries of the card with which the answer is compared.
 
     Returns
     -------
@@ -292,6 +388,7 @@ def make_card(
         solutions=feasible,
         posterior=posterior,
         labels=LABELS,
+        comparisons=comparisons,
     )
 
 
@@ -302,6 +399,7 @@ def make_external_card(
     feasible: "pd.DataFrame",
     posterior: "PosteriorTables | None" = None,
     answer_row: Mapping[str, Any] | None = None,
+    comparisons: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Make the material card of a calibration that another program simulated.
 
@@ -323,6 +421,8 @@ def make_external_card(
     answer_row : mapping, optional
         The row of the answer in table4.csv. If it has the angle of the answer's piles
         by every definition in `repose.measure.angles`, the card states all of them.
+    comparisons : mapping, optional
+        Entries of the card with which the answer is compared.
 
     Returns
     -------
@@ -351,6 +451,7 @@ def make_external_card(
         space=study.parameters,
         solutions=feasible,
         posterior=posterior,
+        comparisons=comparisons,
     )
 
 

@@ -15,6 +15,7 @@ from repose.calibrate.answer import (
 )
 from repose.calibrate.card import SOLUTION_RANGE, add_remark
 from repose.calibrate.determination import describe_determinations
+from repose.calibrate.samples_inside import describe_samples_inside
 from repose.common.numbers import format_significant, format_with_error
 
 # A pair of parameters is listed if its absolute correlation is at least this.
@@ -121,6 +122,7 @@ def _describe_parameters(card: Card) -> Iterator[str]:
     ]
     if determinations:
         yield describe_determinations(determinations)
+    yield from _describe_comparisons(card)
     # The card lists parameters whose value is close to an end of its range.
     if "near_bounds" in card:
         yield f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(card['near_bounds'])}"
@@ -128,6 +130,32 @@ def _describe_parameters(card: Card) -> Iterator[str]:
         f"correlations of {STRONG_CORRELATION:g} and more: "
         f"{_list_strong_correlations(card)}"
     )
+
+
+def _describe_comparisons(card: Card) -> Iterator[str]:
+    """Describe the samples that meet the targets and the published answer, by line."""
+    sentence = describe_samples_inside(card.get("samples_inside", {}))
+    if sentence:
+        yield sentence
+    if "published" not in card:
+        return
+    published = card["published"]
+    source = f" ({published['source']})" if "source" in published else ""
+    values = ", ".join(
+        f"{name} {format_significant(value)}"
+        for name, value in published["parameters"].items()
+    )
+    text = f"published answer{source}: {values}"
+    if "responses" in published:
+        units = {test["response"]: test["unit"] for test in card["tests"]}
+        means = ", ".join(
+            f"{name} {_format_mean(mean['simulated'], mean['standard_error'])} "
+            f"{units.get(name, '')}".rstrip()
+            for name, mean in published["responses"].items()
+        )
+        engine = ", by another engine or scene" if "stale" in published else ""
+        text += f"; simulated here{engine}: {means} (runs: {published['runs']})"
+    yield text
 
 
 def _describe_tests(card: Card) -> Iterator[str]:

@@ -17,6 +17,8 @@ from repose.stages.parameter_sets import PARAMETER_COLUMNS
 if TYPE_CHECKING:
     import pandas as pd
 
+# Name of the set that a publication recommends
+REPRESENTATIVE = "representative"
 # Number of the first published set. The solutions of a study are numbered from 1, and
 # their numbers stay below it.
 FIRST_PUBLISHED = 101
@@ -119,7 +121,7 @@ def read_representative(
         )
     table = read(path, (SOLUTION_COLUMN, *map(Column, parameter_names)))
     for row in table.rows():
-        if row["solution"] == "representative":
+        if row["solution"] == REPRESENTATIVE:
             return {name: row[name] for name in parameter_names}
     raise InputError(path, key="solution", value=None, allowed="a row 'representative'")
 

@@ -77,6 +77,7 @@ def test_the_start_repeats_its_samples(study):
 def test_the_answer_is_in_the_products_of_a_run(study, found, tmp_path, command):
     found.save(tmp_path)
     made = found.card
+    assert made["samples_inside"]["samples"] == len(found.samples)
     assert card.read_card(tmp_path / "card.json")["simulator"] == "EDEM 2024"
     assert made["met"] is None
     assert (

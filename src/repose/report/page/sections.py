@@ -4,7 +4,6 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.determination import Determination, judge_determination
 from repose.calibrate.responses import compute_deviation_percent
 from repose.calibrate.runs import describe_overlaps, name_error_column
+from repose.calibrate.samples_inside import describe_samples_inside, find_samples_inside
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import MAX_R_HAT
 from repose.common.files import read_json, read_table
@@ -54,6 +54,7 @@ from repose.report.page.verdict import (
 from repose.report.study_view import parameter_ranges
 from repose.stages.card import read_card as read_card
 from repose.stages.dataset import describe_counts
+from repose.stages.published import REPRESENTATIVE
 
 # The last step of a study whose runs another program made
 OTHER_PROGRAM_STEP = (
@@ -91,6 +92,7 @@ class AnswerSection:
     differences: str
     near_bounds: str  # parameters that may be at a bound; empty without any
     table: Table
+    published_source: str  # of the answer in the table; empty if there is none
     has_intervals: bool
     intervals_are_unsettled: bool
 
@@ -164,6 +166,7 @@ def make_answer_section(results: Results) -> AnswerSection:
         differences=_describe_differences(results),
         near_bounds=_describe_near_bounds(results),
         table=_make_parameter_table(results),
+        published_source=_find_published_source(results),
         has_intervals=posterior is not None,
         intervals_are_unsettled=bool(is_unsettled),
     )
@@ -278,30 +281,8 @@ def _describe_samples_meeting_targets(results: Results) -> str:
     str
         One sentence. It is empty if fewer than two samples meet all targets.
     """
-    samples = results.samples
-    is_inside = np.ones(len(samples), bool)
-    for target in results.targets:
-        is_inside &= samples[target.name].between(target.low, target.high)
-    samples_inside = samples[is_inside]
-    if len(samples_inside) < 2:
-        return ""
-    # For each parameter, compute which fraction of its range these samples span. The
-    # method `fractions_of_range` converts values to positions in the range, from 0 to 1.
-    spans = [
-        (
-            np.ptp(results.parameters.fractions_of_range(name, samples_inside[name])),
-            name,
-        )
-        for name in results.parameters.free
-    ]
-    narrowest, narrowest_name = min(spans, key=itemgetter(0))
-    widest, widest_name = max(spans, key=itemgetter(0))
-    return (
-        f"{len(samples_inside)} of the {len(samples)} simulated samples already lie "
-        "inside all target ranges, some of them by chance. Their values span between "
-        f"{100 * narrowest:.0f} % (for {narrowest_name}) and {100 * widest:.0f} % (for "
-        f"{widest_name}) of the searched ranges."
-    )
+    found = find_samples_inside(results.samples, results.parameters, results.targets)
+    return describe_samples_inside(found)
 
 
 def _describe_differences(results: Results) -> str:
@@ -362,6 +343,8 @@ def _describe_near_bounds(results: Results) -> str:
 def _make_parameter_table(results: Results) -> Table:
     """Tabulate the parameters of the answer."""
     columns = ["parameter", "meaning", "value"]
+    if results.published_answer is not None:
+        columns.append("published answer")
     if results.posterior is not None:
         columns += ["95 % interval", "left open"]
     columns.append("searched")
@@ -374,6 +357,14 @@ def _make_parameter_table(results: Results) -> Table:
     return Table(columns, rows, style="answer")
 
 
+def _find_published_source(results: Results) -> str:
+    """Find the work from which the published answer is; empty if there is none."""
+    if results.published_answer is None:
+        return ""
+    source = results.published_answer.get("source")
+    return source if isinstance(source, str) else "source not stated"
+
+
 def _format_with_unit(value: float, unit: str) -> str:
     """Write a number with two digits and its unit, which may be empty."""
     return f"{format_significant(value, 2)} {unit}".rstrip()
@@ -382,9 +373,9 @@ def _format_with_unit(value: float, unit: str) -> str:
 def _make_parameter_row(results: Results, name: str, value: float) -> list[str]:
     """Make the cells of one parameter in the table of the answer.
 
-    The cells must match the columns of `_make_parameter_table`. Two of the columns
-    describe the 95 % interval of the parameter, and exist only if the study has
-    intervals.
+    The cells must match the columns of `_make_parameter_table`. One of the columns has
+    the value of the published answer. Two describe the 95 % interval of the parameter,
+    and exist only if the study has intervals.
 
     Parameters
     ----------
@@ -402,9 +393,14 @@ def _make_parameter_row(results: Results, name: str, value: float) -> list[str]:
     """
     parameters = results.parameters
     label = LABELS.get(name, "")  # empty for parameters of another simulator
+    published_cells = []
+    if results.published_answer is not None:
+        published = results.published_answer[name]
+        published_cells.append(format_significant(published, 3))
     if name in parameters.fixed:
         empty_cells = [] if results.posterior is None else ["", ""]
-        return [name, label, format_significant(value), *empty_cells, "fixed"]
+        cells = [name, label, format_significant(value)]
+        return [*cells, *published_cells, *empty_cells, "fixed"]
 
     low = value
     high = value
@@ -425,7 +421,8 @@ def _make_parameter_row(results: Results, name: str, value: float) -> list[str]:
     searched = _format_ends(*parameter_ranges(parameters)[name])
     # `add_remark` separates label and remark by "; ". Remove it after an empty label.
     meaning = add_remark(label, interval).removeprefix("; ")
-    return [name, meaning, format_significant(value, 3), *interval_cells, searched]
+    cells = [name, meaning, format_significant(value, 3)]
+    return [*cells, *published_cells, *interval_cells, searched]
 
 
 def _format_ends(low: float, high: float) -> str:
@@ -689,7 +686,7 @@ def _mark_as_published(row: pd.Series) -> pd.Series:
     name = row["solution"]
     marked = row.copy()
     # This name stands for the set that the publication recommends.
-    if name == "representative":
+    if name == REPRESENTATIVE:
         marked["solution"] = "published answer"
     else:
         marked["solution"] = f"published {name}"

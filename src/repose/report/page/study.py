@@ -26,6 +26,7 @@ from repose.report.page import captions
 from repose.report.study_view import Config, StudyView
 from repose.stages.batches import arrange_for_strategy
 from repose.stages.dataset import read_job
+from repose.stages.published import REPRESENTATIVE
 from repose.stages.tables import find_answer, read_dataset, read_runs
 
 if TYPE_CHECKING:
@@ -143,6 +144,15 @@ class Results:
     def measure(self) -> "MeasureSettings | None":
         """The section `measure` of the configuration; None if there is none."""
         return None if self.settings is None else self.settings.measure
+
+    @property
+    def published_answer(self) -> pd.Series | None:
+        """The set that a publication recommends, if it has all parameters."""
+        sets = self.published_sets
+        if "solution" not in sets or not set(self.parameters.names) <= set(sets):
+            return None
+        answers = sets[sets["solution"] == REPRESENTATIVE]
+        return None if answers.empty else answers.iloc[0]
 
     def get_number(self, column: str) -> float | None:
         """Return a number of the answer's row; None if it is missing."""
