@@ -10,14 +10,14 @@ from shared import ROOT
 from repose.stages import card
 from repose.stages.card_contradictions import find_contradictions
 
-GOJI = ROOT / "results/published/goji_berry/card.json"
-OLDER = ROOT / "results/published/matched/card.json"
+GOJI = ROOT / "tests/known/card_goji_berry.json"
+OLDER = ROOT / "tests/known/card_matched.json"
 MAIZE = ROOT / "crops/cards/maize.json"
 CARDS = sorted(
     [
         *(ROOT / "results/published").rglob("card.json"),
         *(ROOT / "crops/cards").glob("*.json"),
-        ROOT / "tests/known/card_of_version_0_3.json",
+        *(ROOT / "tests/known").glob("card*.json"),
     ]
 )
 

@@ -356,7 +356,9 @@ class StudySettings(Section):
     label: Label = Field(
         description="name of the study, which is written into results",
     )
+    # A configuration of an earlier version, such as that of a kept run, lacks this key.
     note: Note | None = Field(
+        default=None,
         description="what a reader of the report has to know about the data of the "
         "study, such as who measured them",
     )
