@@ -14,7 +14,7 @@ from repose.config.pipeline import PipelineConfig
 
 BERRY = ROOT / "results/published/goji_berry/berry"
 WRITES = ("out", "overlay", "stl")
-OWN = f"--config={Path(__file__).with_name('own.yaml')}"
+OWN = f"--configfile={Path(__file__).with_name('own.yaml')}"
 # The words besides files that a verb needs before it reads any.
 NEEDED = {
     "figure": ["figure13"],
@@ -102,7 +102,7 @@ def with_checked_config(tmp_path, monkeypatch):
         takes_config = not WITH_CONFIG.isdisjoint(arguments[:1])
         if not takes_config or any(word.startswith("--config") for word in arguments):
             return arguments
-        return [*arguments, f"--config={path}"]
+        return [*arguments, f"--configfile={path}"]
 
     return add
 
@@ -132,7 +132,7 @@ def test_verbs_refuse_files_and_configurations_that_they_cannot_read(
         arguments = [
             word for word in call_of(name, "some_file", every=False) if word != OWN
         ]
-        message = refused(*arguments, f"--config={config}")
+        message = refused(*arguments, f"--configfile={config}")
         assert config.stem in message or "some_file" in message
 
     del garbage["header"]  # a line of text, which YAML takes for a value
@@ -152,7 +152,7 @@ def test_verbs_refuse_files_and_configurations_that_they_cannot_read(
 WITH_CONFIG = {
     name
     for name, verb in SUBCOMMANDS.items()
-    if any("--config" in option.names for option in verb.options)
+    if any("--configfile" in option.names for option in verb.options)
 }
 
 
@@ -175,7 +175,7 @@ def test_a_path_that_the_system_refuses_is_a_sentence_with_the_path(refused, tmp
     assert f"provenance is '{tmp_path}'; expected a file that a subcommand" in message
     name = f"{'a' * 300}.yaml"
     assert f"{name}: file is 'File name too long'; expected a path" in refused(
-        "design", f"--config={name}"
+        "design", f"--configfile={name}"
     )
     (tmp_path / "own.yaml").write_text(Path(OWN.partition("=")[2]).read_text())
     taken = tmp_path / "taken"

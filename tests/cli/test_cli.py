@@ -27,6 +27,7 @@ from repose.cli import (
     make_parser,
     registry,
 )
+from repose.cli.registry import was_given
 from repose.common import provenance
 from repose.config import check
 from repose.config.pipeline import PipelineConfig
@@ -60,6 +61,26 @@ def test_every_verb_explains_itself_with_an_example_that_parses(command):
         if args.subcommand != verb or (rest and not SUBCOMMANDS[verb].forwards_words):
             silent.append(verb)
     assert not silent
+
+
+def test_help_names_only_configfile_for_the_study_and_every_verb_with_a_study_has_it(
+    command,
+):
+    """`run` also has Snakemake's own --config KEY=VALUE."""
+    with_study, others = [], []
+    for verb, subcommand in SUBCOMMANDS.items():
+        call = ["stage", verb] if verb in STAGES else [verb]
+        out = command(*call, "--help").out
+        if subcommand.study is not None and "--configfile FILE" not in out:
+            with_study.append(verb)
+        if verb != "run" and re.search(r"--config\b", out):
+            others.append(verb)
+    assert (with_study, others) == ([], [])
+    # the short name of earlier versions still works
+    for option in ("--configfile", "--config"):
+        args = make_parser().parse_args(["plan", option, "mine.yaml"])
+        assert args.config == ["mine.yaml"]
+        assert was_given(args, "config")
 
 
 def test_help_fits_a_screen(command):

@@ -35,7 +35,7 @@ CONFIG_FILES = CONFIG.with_changes(
 
 
 def _load_with_scene_advice(args: argparse.Namespace) -> PipelineConfig:
-    """Load the study of --config, and check the files that it names.
+    """Load the study of --configfile, and check the files that it names.
 
     If the only fault of the study is that it has too many grains, the function
     describes a smaller scene for the same pile before it raises the InputError again.
@@ -96,7 +96,7 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     Examples
     --------
-    $ repose check --config config/paper.yaml
+    $ repose check --configfile config/paper.yaml
     """
     from repose.config import check as check_lines
 
@@ -251,7 +251,7 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     Examples
     --------
-    $ repose plan --config config/fast.yaml
+    $ repose plan --configfile config/fast.yaml
     """
     from repose.calibrate.strategies import plan as planning
     from repose.config import check, external_check

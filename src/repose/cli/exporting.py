@@ -75,7 +75,7 @@ def export(args: argparse.Namespace) -> None:
 
     Examples
     --------
-    $ repose export --to yade --card results/card.json --config results/config.json --out results/export/yade
+    $ repose export --to yade --card results/card.json --configfile results/config.json --out results/export/yade
     """
     from repose.export.job import Job, make_job
     from repose.export.template import write_template

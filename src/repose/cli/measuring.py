@@ -90,7 +90,7 @@ EXPECTED_PILE = "a pile with two flanks, seen from the side"
         "--grain-mm",
         type=float,
         help="height of a grain [mm], which some definitions of the angle need (from the "
-        "study of --config, or from sizes.csv)",
+        "study of --configfile, or from sizes.csv)",
     ),
     CONFIG.with_changes(
         default=None, help=f"the study that the photographs are for; {ANGLE_LINE_HELP}"
@@ -740,7 +740,7 @@ def _measure_beds(
     ----------
     args : argparse.Namespace
         The options of the subcommand `measure`. `config`, `bench`, `points`, `out` and
-        `json` are used. The study of --config has the sizes of the drum or the box.
+        `json` are used. The study of --configfile has the sizes of the drum or the box.
     pictures : list of Path
         The photographs.
     overlays : list of Path
@@ -762,7 +762,7 @@ def _measure_beds(
     if args.config is None:
         raise InputError(
             "command line",
-            key="--config",
+            key="--configfile",
             value=None,
             allowed=f"a study whose section {args.bench} has the dimensions",
         )
@@ -940,7 +940,7 @@ def _require_between(option: str, value: float, low: float, high: float) -> None
 
 
 def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
-    """Make the settings of the measurement from the study of --config and the options.
+    """Make the settings of the measurement from the study of --configfile and the options.
 
     Without a study the settings are the defaults. The height of a grain
     (`berry_height_mm`) comes from the first of these sources that has it: the option

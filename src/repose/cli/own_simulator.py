@@ -52,7 +52,7 @@ def _load_own_study_with_runs(args: argparse.Namespace) -> "Study":
 
 
 def _require_own_simulator(args: argparse.Namespace) -> None:
-    """Raise an InputError if the file of --config is of a study with our simulator.
+    """Raise an InputError if the file of --configfile is of a study with our simulator.
 
     The message names this file, or the option if the user gave no file.
     """
@@ -63,7 +63,7 @@ def _require_own_simulator(args: argparse.Namespace) -> None:
     has_file = was_given(args, "config")
     raise InputError(
         args.config if has_file else "command line",
-        key="simulator" if has_file else "--config",
+        key="simulator" if has_file else "--configfile",
         value=None if has_file else "not given",
         allowed="the name of your simulator, in a configuration as "
         "`repose docs own_simulator` shows; `repose run` calls the program of a "
@@ -97,7 +97,7 @@ def _print_configuration_warnings(config_path: str, study: "Study") -> None:
 
 
 def load_any_study(args: argparse.Namespace) -> "Study | PipelineConfig":
-    """Load the study of --config, for our simulator or for one of the user's own."""
+    """Load the study of --configfile, for our simulator or for one of the user's own."""
     from repose.calibrate.study_file import has_own_simulator
 
     return (
@@ -124,7 +124,7 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
 
     Examples
     --------
-    $ repose tell new_runs.csv --config own.yaml --out own/runs.csv
+    $ repose tell new_runs.csv --configfile own.yaml --out own/runs.csv
     """
     from repose.calibrate.record import Record
     from repose.calibrate.strategies.runs import (
@@ -195,7 +195,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
 
     Examples
     --------
-    $ repose ask --runs own/runs.csv --config own.yaml --out own/next.csv
+    $ repose ask --runs own/runs.csv --configfile own.yaml --out own/next.csv
     """
     from repose.calibrate.strategies.base import Answer
     from repose.common.files import write_table
@@ -294,7 +294,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
 
     Examples
     --------
-    $ repose calibrate results.csv --config own.yaml --out own
+    $ repose calibrate results.csv --configfile own.yaml --out own
     """
     from repose.calibrate import calibration
     from repose.calibrate.strategies import strategy

@@ -61,7 +61,7 @@ def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     Examples
     --------
-    $ repose stage warm_up --config config/quick.yaml
+    $ repose stage warm_up --configfile config/quick.yaml
     """
     from repose.dem.cache import cache_folder
     from repose.stages import warm_up

@@ -34,6 +34,8 @@ class Option:
     *names : str
         The names of the option, such as ``--out``. A positional argument has one name
         without dashes.
+    hidden_name : str, optional
+        A further name, which works but is not printed in the help.
     recorded : bool, optional
         Whether the record of a result lists the files that the option names.
     find_files : callable, optional
@@ -47,11 +49,13 @@ class Option:
     def __init__(
         self,
         *names: str,
+        hidden_name: str | None = None,
         recorded: bool = True,
         find_files: Callable[[argparse.Namespace], Iterable[Path]] | None = None,
         **keywords: Any,
     ) -> None:
         self.names = names
+        self.hidden_name = hidden_name
         self.recorded = recorded
         self.find_files = find_files
         self.keywords = keywords
@@ -72,6 +76,7 @@ class Option:
         """Copy the option with some keywords changed."""
         return Option(
             *self.names,
+            hidden_name=self.hidden_name,
             recorded=self.recorded,
             find_files=self.find_files,
             **(self.keywords | changes),
@@ -102,8 +107,9 @@ class Option:
 DEFAULT_CONFIG_FILE = str(places.list_default_configs()[-1])
 CONFIG = Option(
     "--configfile",
-    "--config",
+    hidden_name="--config",
     dest="config",
+    metavar="FILE",
     default=DEFAULT_CONFIG_FILE,
     help="YAML or JSON configuration (config/config.yaml)",
     recorded=False,
@@ -138,7 +144,7 @@ def was_given(args: argparse.Namespace, option: str) -> bool:
     args : argparse.Namespace
         The parsed options of a subcommand.
     option : str
-        The attribute of the option, such as ``config`` for --config.
+        The attribute of the option, such as ``config`` for --configfile.
     """
     return option in vars(args).get("given", ())
 
@@ -152,7 +158,7 @@ class Subcommand(NamedTuple):
         Function of the parsed options, and of the study if there is one. It may return
         an exit status.
     options : tuple of Option
-        The options, including --config and --out.
+        The options, including --configfile and --out.
     study : callable or None
         Function that makes the study from the parsed options. None if the subcommand
         needs no study.
@@ -223,10 +229,13 @@ class Subcommand(NamedTuple):
             if not option.is_positional:
                 keywords = {"action": NoteGivenOption} | keywords
             parser.add_argument(*option.names, **keywords)
+            if option.hidden_name:
+                keywords |= {"default": argparse.SUPPRESS, "help": argparse.SUPPRESS}
+                parser.add_argument(option.hidden_name, **keywords)
 
 
 def list_config_files(args: argparse.Namespace) -> list[str]:
-    """List the files of --config; each overrides the ones before it."""
+    """List the files of --configfile; each overrides the ones before it."""
     files = getattr(args, "config", None)
     if isinstance(files, list):
         return files
@@ -234,7 +243,7 @@ def list_config_files(args: argparse.Namespace) -> list[str]:
 
 
 def load_study(args: argparse.Namespace, check_inputs: bool = False) -> PipelineConfig:
-    """Load the study of --config.
+    """Load the study of --configfile.
 
     Parameters
     ----------
@@ -268,11 +277,11 @@ def subcommand(
     Parameters
     ----------
     *options : Option
-        The options of the subcommand besides --config and --out.
+        The options of the subcommand besides --configfile and --out.
     out : str, optional
         Default of --out. If it is None, the subcommand has no such option.
     config : bool or Option, optional
-        True for the usual option --config, an option that replaces it, or False for a
+        True for the usual option --configfile, an option that replaces it, or False for a
         subcommand without a study.
     study : callable, optional
         Function that makes the study from the parsed options. It is not used if
@@ -291,7 +300,7 @@ def subcommand(
     ValueError
         If the name is taken by another subcommand.
     """
-    # Add the options --config and --out, which most subcommands have.
+    # Add the options --configfile and --out, which most subcommands have.
     common_options = []
     if config:
         common_options.append(config if isinstance(config, Option) else CONFIG)

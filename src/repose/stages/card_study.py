@@ -993,7 +993,7 @@ def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
         source,
         key="laws",
         value=content["laws"].get("normal"),
-        allowed="laws of this version; give the study's configuration with --config",
+        allowed="laws of this version; give the study's configuration with --configfile",
     )
 
 
@@ -1061,7 +1061,7 @@ def _read_particle(grain: Mapping[str, Any], source: object) -> "Particle":
                 value=None,
                 allowed=(
                     "the moments of inertia of the clump, which cards of earlier "
-                    "versions lack; give the study's configuration with --config"
+                    "versions lack; give the study's configuration with --configfile"
                 ),
             )
         inertia_kg_m2 = np.full(3, SPHERE_INERTIA_FACTOR * mass_kg * radius_m**2)
