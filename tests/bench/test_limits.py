@@ -130,7 +130,7 @@ def test_check_and_pour_and_engine_agree():
     [
         (
             {"simulation.time_step_s": 8.0e-4},
-            "at most 0.00062, the stable step of a body between two of berry",
+            "at most 0.00062, the largest stable time step of a grain between two others, at a restitution of 0.1",
         ),
         (
             {"simulation.time_step_s": 5.6e-4, "berry.size_distribution": "measured"},
@@ -138,7 +138,7 @@ def test_check_and_pour_and_engine_agree():
         ),
         (
             MANY | {"simulation.time_step_s": 3.0e-4, "parameters.e_gg": [0.02, 0.3]},
-            "restitution 0.02, [0-9.]+ spheres at one place",
+            "restitution of 0.02 and with [0-9.]+ spheres of a clump in one contact",
         ),
         (HARD | STIFF, "at most [0-9.e-]+, 1/8 of the contact time"),
     ],

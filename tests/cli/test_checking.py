@@ -31,6 +31,17 @@ def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time():
         )
 
 
+def test_the_limit_of_the_time_step_names_walls_and_the_smallest_grain():
+    engine = "the stable step of a body between two of pvc (restitution 0.2)"
+    assert computed.rephrase_limit(f"{engine}, at the smallest scale, 0.8") == (
+        "the largest stable time step of a grain between two walls of pvc, at a "
+        "restitution of 0.2, at the smallest scale, 0.8"
+    )
+    assert (
+        computed.rephrase_limit("1/8 of the contact time") == "1/8 of the contact time"
+    )
+
+
 @pytest.mark.parametrize("longest_s", [1.0e-3, 3.3e-5, 9.99e-7, 2.0e-6 / 0.8])
 def test_the_advised_step_has_two_digits_and_is_allowed(longest_s):
     step = computed.advise_time_step_s(longest_s)

@@ -118,7 +118,7 @@ def test_the_drum_alone_draws_no_funnel(project):
 
 
 CALL = "command line (--config)"
-STABLE = "expected at most 0.00062, the stable step of a body between two of berry (restitution 0.1)"
+STABLE = "expected at most 0.00062, the largest stable time step of a grain between two others, at a restitution of 0.1"
 STABLE += "; the modulus from resources/compression.csv is 1.1e+05 Pa"
 
 

@@ -295,8 +295,8 @@ def compute_steepest_angle(
 ) -> float | None:
     """Estimate the steepest angle of a pile from its Height and its volume of grains.
 
-    If the slope of the side decreases outwards, a regression line from foot to crest is
-    no steeper than the cone of the same Height and volume. This holds if the points of
+    If the slope of the side decreases outwards, a regression line over the whole side
+    is no steeper than the cone of the same Height and volume. This holds if the points of
     the line are equally spaced in distance. A line that leaves out the toe may be
     steeper.
 

@@ -71,7 +71,7 @@ class Study:
     Raises
     ------
     InputError
-        For settings that are not allowed, or others than those beside `file`.
+        If settings are invalid, or differ from those that are stored next to `file`.
 
     Warns
     -----

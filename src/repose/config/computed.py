@@ -4,6 +4,7 @@ Only files of a user have `auto`. Files that a study writes have the number.
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -42,6 +43,15 @@ BEVERLOO_FACTOR = 0.58
 # No grains flow near the edge of the opening. In Beverloo's law, this many grain
 # diameters are subtracted from the diameter of the opening.
 BEVERLOO_EDGE_DIAMETERS = 1.4
+
+# The phrase with which `repose.dem.time_steps` describes the limit of a body between
+# two others or two walls. Its groups are the material, the restitution and the number
+# of spheres.
+ENGINE_PHRASE = re.compile(
+    r"the stable step of a body between two of (\S+) "
+    r"\(restitution ([^,)]+)(?:, ([0-9.]+) spheres at one place)?\)"
+)
+GRAIN_MATERIAL = "berry"  # of all grains in a scene
 
 Grain = Mapping[str, Any]  # the mean grain, as in berry.json
 
@@ -155,7 +165,40 @@ def find_longest_step(
             _, highest_in_range = ranges[name]
             critical_set[name] = highest_in_range
     scene = Scene.of(config, critical_set, grain=mean_grain, particle=particle)
-    return longest_time_step(scene)
+    limit = longest_time_step(scene)
+    return limit._replace(reason=rephrase_limit(limit.reason))
+
+
+def rephrase_limit(reason: str) -> str:
+    """Write what limits the time step in the terms of an engineer.
+
+    The hash of the engine names all simulated piles, and the engine's own phrase is
+    part of its code. So the phrase is replaced here, and the piles remain valid.
+
+    Parameters
+    ----------
+    reason : str
+        The `reason` of `repose.dem.time_steps.Limit`.
+
+    Returns
+    -------
+    str
+        The new phrase. A reason that is not about a pressed body is returned unchanged.
+    """
+
+    def rephrase(match: re.Match[str]) -> str:
+        """Write the new phrase."""
+        material, restitution, spheres = match.groups()
+        others = "others" if material == GRAIN_MATERIAL else f"walls of {material}"
+        phrase = (
+            f"the largest stable time step of a grain between two {others}, at a "
+            f"restitution of {restitution}"
+        )
+        if spheres:
+            phrase += f" and with {spheres} spheres of a clump in one contact"
+        return phrase
+
+    return ENGINE_PHRASE.sub(rephrase, reason)
 
 
 def find_ranges(config: Config) -> dict[str, tuple[float, float]]:

@@ -358,7 +358,7 @@ class PipelineConfig:
         parameters : mapping
             Contact parameters by name.
         seed : int, optional
-            Seed of the random numbers of the run.
+            Random seed of the run.
 
         Returns
         -------
