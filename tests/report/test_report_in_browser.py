@@ -67,13 +67,14 @@ def folder(tmp_path_factory):
 
 
 def pictures(folder):
-    """A photograph of 800 x 600 pixels, and a figure as wide as a page."""
+    """A photograph of 800 x 600 pixels, and two figures as wide as a page."""
     Image.new("RGB", (800, 600), "#777").save(folder / "photograph.jpg")
     with style.applied():
-        style.save(
-            style.new_figure(style.PAGE, 3.0), folder / "plane.png", small_run=False
-        )
-    return {"photograph": folder / "photograph.jpg", "plane": folder / "plane.png"}
+        for name in ("outline", "plane"):
+            figure = style.new_figure(style.PAGE, 3.0)
+            style.save(figure, folder / f"{name}.png", small_run=False)
+    figures = {name: folder / f"{name}.png" for name in ("outline", "plane")}
+    return {"photograph": folder / "photograph.jpg"} | figures
 
 
 @pytest.fixture
@@ -221,15 +222,32 @@ def test_the_button_copies_the_parameters_and_a_table_sorts_both_ways(opened):
 def test_a_phone_shows_all_without_scrolling_sideways(browser, folder):
     with page_in(browser, folder, 360, 740, is_mobile=True) as tab:
         assert tab.evaluate("document.documentElement.scrollWidth") == 360
-        figure = tab.locator(".pictures img").bounding_box()["width"]
-        assert figure > 96 * style.PAGE, (
-            "it scrolls: its text is as large as on paper, or larger"
-        )
+        for place in (".pictures img", ".leading img"):
+            figure = tab.locator(place).bounding_box()
+            assert figure["x"] >= 0, place
+            assert figure["x"] + figure["width"] <= 360, place
+            assert figure["width"] > 300, place
+        # Table 4 is a list of names and values, and the page ends at its edge.
+        cells = tab.locator("table.sets tbody td:not(:empty)")
+        boxes = [cell.bounding_box() for cell in cells.all()]
+        assert all(box["x"] + box["width"] <= 360 for box in boxes)
+        name = "getComputedStyle(cell, '::before').content"
+        assert cells.last.evaluate(f"cell => {name}") == '"Height error (%)"'
         assert reddish(pixels(tab)) > 50
         values = tab.locator("table.answer td:nth-child(3)")
         assert all(
             values.nth(k).bounding_box()["x"] < 360 for k in range(len(PARAMETERS))
         )
+
+
+def test_a_picture_is_seen_beside_the_verdict_without_scrolling(browser, folder):
+    with page_in(browser, folder, 1400, 900) as tab:
+        figure = tab.locator(".leading img").bounding_box()
+        verdict = tab.locator(".verdict").first.bounding_box()
+        table = tab.locator("table").first.bounding_box()
+        assert verdict["y"] < figure["y"]
+        assert figure["y"] + figure["height"] < min(900, table["y"])
+        assert tab.locator(".pictures img").count() == 1, "it is shown once"
 
 
 def test_print_is_one_page_with_the_answer_targets_table_4_and_the_pile(opened):

@@ -13,7 +13,7 @@ import pytest
 from made_up_report import made_up_study
 from markupsafe import escape
 from refusals import input_error
-from shared import RANGES, TARGETS, says, target
+from shared import RANGES, ROOT, TARGETS, says, target
 
 from repose import __version__
 from repose.bench.parameters import PARAMETERS
@@ -24,7 +24,7 @@ from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty.posterior import state_determination
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import MeasureSettings, line_of
-from repose.report.page import page, prediction, scene, three
+from repose.report.page import captions, page, prediction, scene, three
 from repose.report.page.templates import read_asset
 from repose.stages.published import STALE_WARNING
 
@@ -247,6 +247,32 @@ def test_the_span_of_the_sets_found_is_apart_from_the_intervals(tmp_path):
         "These ranges are not the uncertainties of the parameters",
         *(f"{sets[name].min():.3g} to {sets[name].max():.3g}" for name in PARAMETERS),
     )
+
+
+def test_the_steps_say_how_large_the_search_was(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    config["miga"] = config["miga"] | {"islands": 3, "population": 20}
+    config["miga"] |= {"rounds": 150, "generations": 10}
+    summary = json.loads(files["summary"].read_text())
+    files["summary"].write_text(json.dumps(summary | {"evaluations": 1234567}))
+    says(
+        written((config, jobs, files), tmp_path),
+        "(MIGA) improved 3 islands of 20 parameter sets over 1,500 generations. It "
+        "evaluated the surrogate 1,234,567 times and kept 6 parameter sets. 6 sets found.",
+    )
+
+
+def test_each_table_at_the_end_of_the_page_has_a_note_on_its_columns(tmp_path):
+    rules = (ROOT / "workflow/rules/report.smk").read_text()
+    tables = rules.split("TABLES = drop_missing(")[1].partition("\n)")[0]
+    titles = set(re.findall(r'^ +"([A-Z][^"]*)": ', tables, re.MULTILINE))
+    assert titles == set(captions.TABLE_NOTES)
+    study = made_up_study(tmp_path, TARGETS)
+    page.write_report(
+        *study, {"Designs compared": study[2]["dataset"]}, tmp_path / "report.html"
+    )
+    text = (tmp_path / "report.html").read_text()
+    assert "A good design keeps its samples apart." in text
 
 
 def test_a_row_of_the_answer_tells_bounds(tmp_path):

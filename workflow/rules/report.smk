@@ -138,7 +138,7 @@ rule page:
         inputs=[f"--input={name}={path}" for name, path in PAGE.items()],
         tables=[f"--table={title}={path}" for title, path in TABLES.items()],
         settings=select_sections(
-            "label", "note", "small_run", "parameters", "targets", "design"
+            "label", "note", "small_run", "parameters", "targets", "design", "miga"
         )
         | {"funnel": config["funnel"] if HAS_PILE else None},
     message:

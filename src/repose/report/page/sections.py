@@ -36,7 +36,11 @@ from repose.report.page.material import (
     tabulate_laws,
     tabulate_material,
 )
-from repose.report.page.pictures import EmbeddedPicture, embed_captioned_pictures
+from repose.report.page.pictures import (
+    EmbeddedPicture,
+    embed_captioned_pictures,
+    embed_picture,
+)
 from repose.report.page.prediction import has_network, unwrap_scales
 from repose.report.page.study import Results
 from repose.report.page.tables import (
@@ -93,6 +97,7 @@ class AnswerSection:
     near_bounds: str  # parameters that may be at a bound; empty without any
     table: Table
     published_source: str  # of the answer in the table; empty if there is none
+    leading_figure: EmbeddedPicture | None  # shown beside the verdict
     has_intervals: bool
     intervals_are_unsettled: bool
 
@@ -167,9 +172,26 @@ def make_answer_section(results: Results) -> AnswerSection:
         near_bounds=_describe_near_bounds(results),
         table=_make_parameter_table(results),
         published_source=_find_published_source(results),
+        leading_figure=_embed_leading_figure(results),
         has_intervals=posterior is not None,
         intervals_are_unsettled=bool(is_unsettled),
     )
+
+
+def _find_leading_figure(results: Results) -> str | None:
+    """Return the name of the figure for the top of the page; None if there is none."""
+    for name in captions.LEADING_FIGURES:
+        if name in results.files and name in results.captions:
+            return name
+    return None
+
+
+def _embed_leading_figure(results: Results) -> EmbeddedPicture | None:
+    """Embed the figure for the top of the page; None if there is none."""
+    name = _find_leading_figure(results)
+    if name is None:
+        return None
+    return embed_picture(results.files[name], results.captions[name])
 
 
 def list_warnings_of_impossible_targets(files: Mapping[str, str]) -> list[str]:
@@ -895,11 +917,18 @@ def make_other_parameters_section(results: Results) -> OtherParametersSection | 
 
 def make_method_section(results: Results) -> MethodSection:
     """Describe the steps to the answer, with their figures."""
+    # The first figure is at the top of the page already.
+    leading_name = _find_leading_figure(results)
+    further_captions = {
+        name: caption
+        for name, caption in results.captions.items()
+        if name != leading_name
+    }
     return MethodSection(
         steps=_list_steps(results),
         search_result=_describe_search_result(results),
         sets_found=_make_table_of_sets_found(results),
-        figures=embed_captioned_pictures(results.files, results.captions),
+        figures=embed_captioned_pictures(results.files, further_captions),
     )
 
 
@@ -973,13 +1002,40 @@ def _list_strategy_steps(results: Results) -> list[str]:
     if results.surrogate is not None:
         surrogate = results.surrogate.name.replace("_", " ")
         steps.append(f"Surrogate ({surrogate}): {_describe_accuracy(results)}")
-    steps.append(f"Search: {results.summary['message']}")
+    steps.append(f"Search: {_describe_search(results)}{results.summary['message']}")
     n_runs = results.answer_row.get("n_seeds", 0)  # a run for each seed
     steps.append(
         f"Check: {len(results.checked_sets)} of the parameter sets found were "
         f"simulated again with new seeds. There were {n_runs:.0f} runs of the answer."
     )
     return steps
+
+
+def _describe_search(results: Results) -> str:
+    """Describe the search: its islands, its generations and its evaluations.
+
+    Parameters
+    ----------
+    results : Results
+        The results of the study.
+
+    Returns
+    -------
+    str
+        One sentence that ends with a blank. It is empty if the settings or the number
+        of evaluations are unknown.
+    """
+    evaluations = results.summary.get("evaluations")
+    if results.settings is None or evaluations is None:
+        return ""
+    search = results.settings.miga
+    return (
+        "a genetic algorithm with several populations (MIGA) improved "
+        f"{search.islands} islands of {search.population} parameter sets over "
+        f"{search.rounds * search.generations:,} generations. It evaluated the "
+        f"surrogate {evaluations:,} times and kept {len(results.solutions)} parameter "
+        "sets. "
+    )
 
 
 def _describe_simulation(results: Results) -> str:
@@ -1074,7 +1130,10 @@ def make_collapsible_tables(
     tables: Mapping[str, pd.DataFrame],
 ) -> list[CollapsibleTable]:
     """Convert tables, by title, to tables that a click on the title shows or hides."""
-    return [make_collapsible_table(title, frame) for title, frame in tables.items()]
+    return [
+        make_collapsible_table(title, frame, captions.TABLE_NOTES.get(title, ""))
+        for title, frame in tables.items()
+    ]
 
 
 def make_template_values(

@@ -55,9 +55,12 @@ class CollapsibleTable:
 
     title: str
     table: Table
+    note: str = ""  # explains the columns
 
 
-def make_collapsible_table(title: str, frame: pd.DataFrame) -> CollapsibleTable:
+def make_collapsible_table(
+    title: str, frame: pd.DataFrame, note: str = ""
+) -> CollapsibleTable:
     """Convert a table to one that a click on its title shows or hides.
 
     Parameters
@@ -68,6 +71,8 @@ def make_collapsible_table(title: str, frame: pd.DataFrame) -> CollapsibleTable:
     frame : DataFrame
         The table. In the optional column `reason`, words replace the short names of
         statuses, such as those of failed runs.
+    note : str, optional
+        Sentences that explain the columns.
 
     Returns
     -------
@@ -84,7 +89,9 @@ def make_collapsible_table(title: str, frame: pd.DataFrame) -> CollapsibleTable:
     frame = _replace_rounding_errors(frame)
     # A column of numbers cannot hold None, so convert it to objects first.
     rows = frame.astype(object).where(frame.notna(), None).values.tolist()
-    return CollapsibleTable(f"{title} ({len(frame)} rows)", Table(columns, rows))
+    return CollapsibleTable(
+        f"{title} ({len(frame)} rows)", Table(columns, rows), note=note
+    )
 
 
 def _replace_rounding_errors(frame: pd.DataFrame) -> pd.DataFrame:
