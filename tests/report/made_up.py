@@ -65,12 +65,6 @@ def made_up_tables(folder, targets=TARGETS):
     )
     feasible["feasible"] = True
     feasible["representative"] = feasible.index == 0
-    generation = np.arange(0, 8701, 10)
-    history = pd.DataFrame({"round": generation // 10, "generation": generation})
-    history["evaluations"] = 200 * (generation + 1)
-    history["best_objective"] = 0.002 + np.exp(-generation / 300)
-    history["mean_objective"] = 0.05 + 1.2 * np.exp(-generation / 400)
-    history["feasible_found"] = np.maximum(0, generation - 400) * 3
     table4 = feasible.iloc[[0, 3, 20, 40, 60, 80]][["solution", *PARAMETERS]].copy()
     published = table4.assign(solution=["22", "15", "56", "84", "2", "representative"])
     table4["role"] = ["representative"] + 5 * ["spread"]
@@ -107,7 +101,6 @@ def made_up_tables(folder, targets=TARGETS):
         "dataset": dataset,
         "predictions": predictions.drop(failed),
         "feasible": feasible,
-        "history": history,
         "table4": table4,
         "published": published,
         "theirs": theirs,

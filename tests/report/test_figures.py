@@ -199,7 +199,7 @@ def test_figures_have_their_formats_bytes_and_fonts(tmp_path):
     input_error(ending, draw, tmp_path / "it.eps")
 
 
-@pytest.mark.parametrize("name", ["figure02", "figure13", "convergence"])
+@pytest.mark.parametrize("name", ["figure02", "figure13", "dataset"])
 def test_a_small_run_has_a_band_across_the_top(name, inputs, drawn, tmp_path):
     paths = [drawn(name)[1], tmp_path / "small.png"]
     figures.draw(name, inputs_of(name, inputs), paths[1], CONFIG | {"small_run": True})
@@ -219,6 +219,16 @@ def drawn_texts(draw, files):
     """The texts of a figure that is drawn from `files`."""
     with style.applied():
         return texts_of(draw(files, StudyView(CONFIG)))
+
+
+@pytest.mark.parametrize("name", ["figure10", "figure13", "figure14"])
+def test_a_figure_leaves_its_explanation_to_the_caption(name, inputs, drawn):
+    """Below the panels stand only the line of the angle and the meaning of subscripts."""
+    figure, _ = drawn(name)
+    below = figure.get_supxlabel().splitlines()
+    assert not [
+        line for line in below if not line.startswith(("AoR: angle of", "gg: grain"))
+    ]
 
 
 def test_a_figure_of_sizes_says_where_they_are_a_reconstruction(inputs, tmp_path):
@@ -444,7 +454,6 @@ def test_the_pile_shows_the_definitions_of_its_angle(drawn):
     [
         "figure10",
         "figure13",
-        "figure14",
         "plane",
         "dataset",
         "validation",
@@ -504,21 +513,6 @@ def test_the_angle_has_its_lines_in_figure_6(inputs, drawn):
         assert along[0] < text.xy[0] < along[1]
 
 
-def test_a_search_without_result_has_its_axes(inputs, tmp_path):
-    history = pd.read_csv(inputs["history"])
-    history["best_objective"] = 2.1
-    history["feasible_found"] = 0
-    history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
-    with style.applied():
-        figure = search.draw_convergence(
-            {"history": tmp_path / "history.csv"}, StudyView(CONFIG)
-        )
-        figure.draw_without_rendering()
-    (panel,) = figure.axes
-    assert panel.get_title(loc="left") == "no feasible solution was found"
-    assert sum(bool(tick.get_text()) for tick in panel.get_yticklabels()) > 1
-
-
 @pytest.mark.parametrize("fresh", [False, True])
 def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn):
     figure, _ = drawn("figure13")
@@ -541,25 +535,6 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
     assert text.count("a perfect model on these sets: ") == (1 + fresh) * len(
         figure.axes
     )
-
-
-def test_the_error_of_the_surrogate_is_drawn_in_units_of_the_objective(
-    inputs, tmp_path
-):
-    errors = {"aor_deg": 0.3, "height_mm": 0.5}
-    summary = {"feasible": True, "representative_judged": {"predicted_se": errors}}
-    (tmp_path / "summary.json").write_text(json.dumps(summary))
-    files = {"history": inputs["history"], "summary": tmp_path / "summary.json"}
-    with style.applied():
-        figure = search.draw_convergence(files, StudyView(CONFIG))
-    line = next(line for line in figure.axes[0].lines if line.get_ls() == "--")
-    targets = {entry["response"]: entry for entry in CONFIG["targets"]}
-    expected = sum(
-        targets[name].get("weight", 1.0) * error / np.diff(targets[name]["range"])[0]
-        for name, error in errors.items()
-    )
-    np.testing.assert_allclose(line.get_ydata(), expected)
-    assert "0.3 deg, 0.5 mm" in line.get_label()
 
 
 def test_weights_that_cancel_draw_no_long_bars(tmp_path):

@@ -16,7 +16,7 @@ from shared import RANGES, TARGETS, target
 from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
 from repose.calibrate.profiles import Profile
-from repose.calibrate.responses import name_derived_column, response
+from repose.calibrate.responses import name_derived_column
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty import implausibility
 from repose.common.files import write_json
@@ -128,10 +128,6 @@ def test_solutions_have_a_strip_for_each_target(names, tmp_path, monkeypatch):
     inputs["summary"].write_text(json.dumps({"feasible": True}))
     figure, result = draw("figure14", inputs, config)
     assert len(figure.axes) == 1
-    text = " ".join(result).replace("\n", " ")
-    for name in names:
-        assert f"Predicted {response(name).symbol}: " in text
-        assert f"{response(name).unit}, the answer" in text
     # the fixed parameter has no strip
     assert len(figure.axes[0].get_yticklabels()) == 5
     assert "90 feasible solutions" in result
@@ -161,7 +157,9 @@ def test_figure_14_counts_the_published_intervals_that_are_reached(
     }
     _, result = draw("figure14", inputs, config)
     text = " ".join(result).replace("\n", " ")
-    assert "published interval of 4 of the 6 parameters" in text
+    assert (
+        "90 feasible solutions; they overlap the published intervals of 4 of 6" in text
+    )
 
 
 DRAWN = {

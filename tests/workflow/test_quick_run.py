@@ -19,7 +19,7 @@ from repose.config.pipeline import PipelineConfig
 
 RESULTS = ROOT / "results" / "quick"
 FIGURES = [f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 10, 13, 14, 15)]
-FIGURES += ["convergence", "design", "dataset", "validation", "drum", "definitions"]
+FIGURES += ["design", "dataset", "validation", "drum", "definitions"]
 
 
 if not (RESULTS / "validation" / "table4.csv").is_file():

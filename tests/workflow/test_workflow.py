@@ -32,7 +32,6 @@ STAGES = {
     "measure",
     "posterior_tables",
     "page",
-    "draw_convergence",
     "draw_drum",
     *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 10, 13, 14, 15)),
 }

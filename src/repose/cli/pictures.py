@@ -23,7 +23,7 @@ def figure(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     Examples
     --------
-    $ repose figure convergence --input history=results/miga/history.csv --out convergence.png
+    $ repose figure dataset --input dataset=results/dataset.csv --out dataset.png
     """
     from repose.report import figures
 

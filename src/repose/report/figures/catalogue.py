@@ -376,23 +376,12 @@ FIGURES: dict[str, Drawn] = {
             "the published intervals. Of all feasible points met, the best "
             "{miga[solutions]} are kept that lie at least {miga[distance]} apart in "
             "parameters normalised to [-1, 1]. They are the sets of one search, and "
-            "not all sets that agree with the measurements. Where none was feasible "
-            "the nearest ones are shown, and the figure says so."
+            "not all sets that agree with the measurements. By default, the answer is "
+            "the set with the smallest expected error, which includes how uncertain "
+            "each prediction is, so it may lie beside the other sets. Where none was "
+            "feasible the nearest ones are shown, and the figure says so."
         ),
-        reads=("parameters", "targets", "miga.answer"),
-    ),
-    "convergence": Drawn(
-        "search.draw_convergence",
-        title="Convergence of the search",
-        inputs={"history": "miga/history.csv"},
-        optional={"summary": "miga/summary.json"},
-        caption=(
-            "Did the search run long enough? Best and mean objective F (Eq. 11) "
-            "over {miga[rounds]} rounds of {miga[generations]} generations. The "
-            "dashed line is the F of a set that is off each target by one standard "
-            "error of the surrogate. Below it, a set with a smaller F is not better."
-        ),
-        reads=("miga", "targets"),
+        reads=("parameters", "targets"),
     ),
     "sobol": Drawn(
         "sensitivity.draw_sobol_indices",
@@ -456,8 +445,13 @@ FIGURES: dict[str, Drawn] = {
             "Figure 10. Which parameters does the trained network use? a: its "
             "structure, {inputs} parameters in, {network[hidden]} hidden neurons, "
             "{outputs} response(s) out. b: the influence of each parameter on what "
-            "the network predicts (total Sobol index, or with constraints the share "
-            "that remains if all others are known, as in ``sensitivity/sobol.csv``)."
+            "the network predicts, over the ranges of all parameters. The influence "
+            "is the fraction of the variance of a response in which the parameter "
+            "has a part (total Sobol index). Where parameters interact, the fractions "
+            "add up to more than 100 %. With constraints, it is the fraction that "
+            "remains if all other parameters are known, as in "
+            "``sensitivity/sobol.csv``. An arrow shows whether the response rises or "
+            "falls from the smallest to the largest value of the parameter."
         ),
         reads=("parameters", "design.seed"),
         when=has_network,
@@ -474,8 +468,11 @@ FIGURES: dict[str, Drawn] = {
             "a result are left out. A mean of few pours scatters about its true "
             "value, so no model can be nearer to the line than that scatter: the "
             "figure gives the R2 and the RMSE of a perfect model on the same "
-            "samples beside those of the surrogate. The parts are predicted by the training part's fit, new "
-            "points, where they were poured, by the final one."
+            "samples beside those of the surrogate, for the test samples with the "
+            "mean scatter of the whole design. By chance a model can seem better than "
+            "the perfect one. The bars are ± 1 standard error of the simulated mean. "
+            "The parts are predicted by the training part's fit, new points, where "
+            "they were poured, by the final one."
         ),
         reads=("targets",),
     ),

@@ -1,4 +1,4 @@
-"""Draw the solutions of the search (Figure 14), and how it converged."""
+"""Draw the solutions of the search (Figure 14)."""
 
 import re
 from collections.abc import Mapping
@@ -10,19 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repose.bench.parameters import SYMBOLS
-from repose.calibrate.search.settings import MIN_LOSS
-from repose.calibrate.targets import Target
 from repose.common.files import read_json, read_table
-from repose.common.numbers import format_decimals, format_significant
+from repose.common.numbers import format_significant
 from repose.report.study_view import parameter_ranges
 
 from . import panels, style
 from .registry import Inputs, StudyView
 
-MIN_LOSS_NOTE = (
-    "The answer is the set with the smallest expected error. This error includes how "
-    "uncertain each prediction is, so the answer may lie beside the other sets."
-)
 GOLDEN_FRACTION = 0.6180339887
 # In a strip, the range of a parameter extends from x = 0 to x = 1, and its middle is at
 # a whole number y. All sizes in y are thus multiples of the distance between two
@@ -39,21 +33,13 @@ POINTS_OFFSET = 0.03
 # Height of the figure in inches: without any strip, and for each strip
 BASE_HEIGHT = 1.5
 HEIGHT_PER_STRIP = 0.42
-# With more generations than this, their axis is logarithmic.
-LINEAR_GENERATIONS = 200
-HISTORY_COLUMNS = (
-    "generation",
-    "mean_objective",
-    "best_objective",
-    "feasible_found",
-)
 
 
 def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw where the solutions lie in the range of each parameter.
 
-    Each parameter has a horizontal strip, which stands for its range. Sentences below
-    the strips describe the predicted responses.
+    Each parameter has a horizontal strip, which stands for its range. If the search
+    found no feasible solution, its message stands below the strips.
 
     Parameters
     ----------
@@ -85,57 +71,21 @@ def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.PAGE, BASE_HEIGHT + HEIGHT_PER_STRIP * n_strips)
     panel = figure.subplots()
     _draw_parameter_strips(panel, solutions, study=study, published=published)
-    sentences = []
-    if study.config.get("miga", {}).get("answer") == MIN_LOSS:
-        sentences.append(MIN_LOSS_NOTE)
-    sentences += [_describe_predictions(solutions, target) for target in targets]
-    if published is not None:
-        sentences.append(_describe_overlap(solutions, study, published))
-    note = " ".join(sentences)
     if not summary["feasible"]:
-        # The message of the search is more important: it says how near the search came.
+        # The message of the search says how near it came.
         note = _replace_names_by_symbols(summary.get("message", ""))
-    style.write_below(figure, note)
-    _write_title(panel, solutions, summary)
+        style.write_below(figure, note)
+    overlap = ""
+    if published is not None:
+        overlap = _describe_overlap(solutions, study, published)
+    _write_title(panel, solutions, summary, overlap)
     return figure
-
-
-def _describe_predictions(solutions: pd.DataFrame, target: Target) -> str:
-    """Describe between which values the solutions predict a response.
-
-    Parameters
-    ----------
-    solutions : DataFrame
-        A row for each solution. The answer is the one whose column `representative` is
-        true. It may be missing.
-    target : Target
-        The target of the response.
-
-    Returns
-    -------
-    str
-        One sentence.
-    """
-    response = target.response
-    predicted = solutions[response.predicted]
-    is_answer = _read_booleans(solutions["representative"])
-    low = predicted.min()
-    high = predicted.max()
-    sentence = (
-        f"Predicted {response.symbol}: {format_decimals(low)} to {format_decimals(high)} "
-        f"{response.unit}"
-    )
-    if is_answer.any():
-        sentence += f", the answer {format_decimals(predicted[is_answer].iloc[0])}"
-    target_low = format_significant(target.low)
-    target_high = format_significant(target.high)
-    return f"{sentence} (target range {target_low} to {target_high})."
 
 
 def _describe_overlap(
     solutions: pd.DataFrame, study: StudyView, published: pd.DataFrame
 ) -> str:
-    """Describe for how many parameters the solutions overlap the published interval.
+    """Describe how many published intervals the solutions overlap.
 
     Parameters
     ----------
@@ -149,7 +99,7 @@ def _describe_overlap(
     Returns
     -------
     str
-        One sentence.
+        The end of a title.
     """
     names = study.parameters.free
     overlaps = [
@@ -159,13 +109,13 @@ def _describe_overlap(
         and solutions[name].max() >= published.loc[name, "low"]
     ]
     return (
-        f"The solutions reach into the published interval of {len(overlaps)} of the "
-        f"{len(names)} parameters."
+        f"; they overlap the published intervals of {len(overlaps)} of {len(names)} "
+        "parameters"
     )
 
 
 def _write_title(
-    panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
+    panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any], overlap: str
 ) -> None:
     """Write the title: the number of solutions, or that none of them is feasible.
 
@@ -179,6 +129,8 @@ def _write_title(
         A row for each solution.
     summary : mapping
         Contents of miga/summary.json, the result of the search.
+    overlap : str
+        The end of the title, on the published intervals. It may be empty.
     """
     n_shown = len(solutions)
     if summary["feasible"]:
@@ -186,7 +138,7 @@ def _write_title(
         title = f"{n_feasible} feasible solutions"
         if n_feasible < n_shown:
             title += f" and the {n_shown - n_feasible} nearest others"
-        panel.set_title(title, fontweight="bold", color=style.BLACK)
+        panel.set_title(title + overlap, fontweight="bold", color=style.BLACK)
         return
     title = f"no set is predicted inside all ranges: the {n_shown} nearest are shown"
     panel.set_title(title, fontweight="bold", color=style.RED)
@@ -368,104 +320,3 @@ def _draw_strip(
             label=f"{label_prefix}the answer",
             **style.ANSWER_STYLE,
         )
-
-
-def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw how the objective of the search falls over the generations.
-
-    The objective is the distance from the targets that the search minimises.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths by name. `history` has rows for some of the generations, with the best and
-        the mean objective. `summary` is the result of the search, and may be missing.
-        Its key `representative_judged` describes the answer, and may contain the
-        standard errors of its predictions as `predicted_se`.
-    study : StudyView
-        The study.
-
-    Returns
-    -------
-    Figure
-        The figure.
-    """
-    history = read_table(inputs["history"], HISTORY_COLUMNS)
-    figure = style.new_figure(style.COLUMN, 2.6)
-    panel = figure.subplots()
-    _draw_objective(panel, history)
-    # The surrogate cannot tell apart objectives that are smaller than its own error.
-    # Draw this error as a line.
-    if "summary" in inputs:
-        summary = read_json(inputs["summary"], ("feasible",))
-        errors = summary.get("representative_judged", {}).get("predicted_se")
-        if errors:
-            _draw_surrogate_error(panel, study, errors)
-    # The column counts the feasible solutions found so far.
-    if history["feasible_found"].max() == 0:
-        panel.set_title("no feasible solution was found", color=style.RED)
-    panel.set_xlabel("generation")
-    if history["generation"].max() > LINEAR_GENERATIONS:
-        panel.set_xscale("log")
-    figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center")
-    return figure
-
-
-def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
-    """Draw the objective of the best individual so far, and the mean over all islands.
-
-    Parameters
-    ----------
-    panel : Axes
-        The panel to draw in.
-    history : DataFrame
-        Rows for some of the generations, with the columns `HISTORY_COLUMNS`.
-    """
-    generation = history["generation"].to_numpy()
-    mean = history["mean_objective"].to_numpy()
-    best = history["best_objective"].to_numpy()
-    panel.plot(generation, mean, color=style.SKY, label="mean of all islands")
-    panel.plot(generation, best, color=style.BLUE, label="best set so far")
-    panel.set_ylabel("objective F\n(widths of the target ranges)")
-    lowest = min(best.min(), mean.min())
-    highest = max(best.max(), mean.max())
-    # A logarithmic axis that spans less than a power of ten might have no ticks.
-    if lowest > 0 and highest > 10 * lowest:
-        panel.set_yscale("log")
-
-
-def _draw_surrogate_error(
-    panel: Axes, study: StudyView, errors: Mapping[str, float]
-) -> None:
-    """Draw a line at the objective F that the error of the surrogate alone would cause.
-
-    It is the objective of a parameter set whose responses all miss their targets by
-    their standard errors. The formula is that of the search in
-    `repose.calibrate.search.objective`, so change both together.
-
-    Parameters
-    ----------
-    panel : Axes
-        The panel of the objective.
-    study : StudyView
-        The study, whose targets define the weights and the ranges.
-    errors : mapping
-        Standard errors of the predicted responses, by name.
-    """
-    # According to Eq. 11 and 12 of the article, the objective is the weighted sum of
-    # the deviations, each divided by the width of its target range.
-    objective = 0.0
-    error_texts = []
-    for target in study.targets:
-        error = errors[target.name]
-        objective += target.weight * error / (target.high - target.low)
-        error_texts.append(
-            f"{format_significant(error, 2)} {target.response.unit}".rstrip()
-        )
-    panel.axhline(
-        objective,
-        color=style.RED,
-        ls="--",
-        lw=1.1,
-        label=f"F at the surrogate's standard errors ({', '.join(error_texts)})",
-    )

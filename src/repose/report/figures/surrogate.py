@@ -33,24 +33,6 @@ SPLITS = (
 )
 UNSEEN_SPLITS = ("test", "new points")  # not used to train the model
 INFLUENCE_POINTS = 1024
-INFLUENCE_NOTE = (
-    "influence: fraction of the variance of the predicted response, over the ranges of "
-    "all parameters, in which the input has a part (total Sobol index); fractions add up "
-    "to more than 100 % where parameters interact. Arrow: the response rises or falls "
-    "from the input's smallest to its largest value."
-)
-INFLUENCE_NOTE_WITH_CONSTRAINTS = (
-    "influence: fraction of the variance of the predicted response, over what the "
-    "constraints allow, that remains if all other inputs are known, E[Var(y|others)] / "
-    "Var(y). Arrow: the mean response rises or falls from the input's smallest to "
-    "its largest allowed value."
-)
-ACCURACY_NOTE = (
-    "bars: ± 1 standard error of the simulated mean over its pours. A perfect model "
-    "predicts the true means. Its R² and RMSE are what the scatter of the simulated means "
-    "leaves, for the test samples the mean scatter of the whole design; by chance a model "
-    "can seem better."
-)
 # Drawing of the network. The layers are at x = 0, 1 and 2, and the nodes of a layer
 # extend from y = -1 to y = 1 at most.
 TITLE_Y = 1.13  # of the titles of the layers
@@ -139,10 +121,6 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     )
     _draw_influence(right, influence, inputs=network["inputs"], symbols=symbols)
     style.label_panels((left, right))
-    note = INFLUENCE_NOTE
-    if study.parameters.constraints:
-        note = INFLUENCE_NOTE_WITH_CONSTRAINTS
-    style.write_below(figure, note)
     return figure
 
 
@@ -462,7 +440,6 @@ def draw_predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure
         len(targets), ACCURACY_ROW_HEIGHT, width=width, extra_height=0.4
     )
     draw_accuracy(axes, table, targets.responses)
-    style.write_below(figure, ACCURACY_NOTE)
     return figure
 
 
