@@ -184,8 +184,10 @@ def main(words=None):
         ]
         blocks["fall"] = table(header, falls)
     machine = provenance.describe_machine()
-    origin = f"{machine['processor']}; {str(machine['commit'])[:8]}"
-    blocks = {name: f"{text}\n({origin})\n" for name, text in blocks.items()}
+    origin = table(
+        ["measured on", "commit"], [[machine["processor"], str(machine["commit"])[:8]]]
+    )
+    blocks = {name: f"{text}\n{origin}" for name, text in blocks.items()}
     text = written(arguments.page.read_text(encoding="utf-8"), blocks)
     arguments.page.write_text(text, encoding="utf-8")
     print(f"wrote {', '.join(blocks)} in {arguments.page}")

@@ -52,7 +52,10 @@ class GrainSettings(Section):
     particle: Annotated[str, OneOf(lambda: KINDS)] = Field(
         description="the body that stands for the grain in the simulation, made from "
         "the mesh",
-        json_schema_extra={"source": "3.1: `multisphere`"},
+        json_schema_extra={
+            "source": "3.1 contradicts itself ([note E]"
+            "(../docs/article.md#notes-what-is-missing-or-contradicts-itself))"
+        },
     )
     spheres: Annotated[
         Literal["fewest"] | Annotated[int, Field(ge=1, le=64)],
