@@ -43,3 +43,40 @@ def test_pages_refer_to_the_contradiction_about_the_particle_of_the_article():
     article = (ROOT / "docs/article.md").read_text()
     assert "| particle | 3.1 contradicts itself" in article
     assert "**E. Particle.** Two statements" in article
+
+
+def test_the_glossary_is_sorted_short_and_has_the_words_of_report_and_terminal():
+    text = (ROOT / "docs/glossary.md").read_text()
+    rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| ")]
+    words = [re.sub(r"^[^a-z]+", "", word.strip(" `").lower()) for word, _ in rows[1:]]
+    assert words == sorted(words)
+    needed = "doubtful, expected optimism, kept run, left open, met, plausible, reach"
+    needed += ", scatter, steepest, straightest, undecided, verdict"
+    assert set(needed.split(", ")) <= set(words)
+    assert not [word for word, meaning in rows if len(meaning.split()) > 20]
+
+
+def test_the_index_has_one_table_and_each_page_of_docs():
+    text = (ROOT / "docs/index.md").read_text()
+    assert text.count("|---|") == 1
+    assert text.count("```{toctree}") == 1
+    tree = set(text.split("```{toctree}")[1].split())
+    pages = (ROOT / "docs").rglob("*.md")
+    names = {str(page.relative_to(ROOT / "docs").with_suffix("")) for page in pages}
+    names = {name for name in names if not name.startswith("_build")}
+    assert names - {"index"} <= tree
+
+
+def test_the_drum_has_at_most_three_possible_explanations():
+    """Not all simulations with a lower wall friction were made, and both pages say so."""
+    for page, heading in (
+        ("docs/results.md", "Three explanations are possible:"),
+        ("research/docs/drum_slip.md", "Three explanations remain"),
+    ):
+        text = (ROOT / page).read_text()
+        after = text.split(heading)[1]
+        numbers = re.findall(r"^(\d)\. ", after, re.MULTILINE)
+        assert numbers[:3] == ["1", "2", "3"], page
+        assert "4" not in numbers, page
+        assert re.search(r"not (been )?fully test|not fully tested", text), page
+        assert "none of them is right" not in text, page
