@@ -121,7 +121,7 @@ def test_the_caption_of_a_figure_changes_nothing_and_its_inputs_do(package):
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace("Figure 10. ", "Figure 10: "), encoding="utf-8")
     assert hashes(package, "report.figures") == [before]
-    path.write_text(text.replace("history.csv", "other.csv"), encoding="utf-8")
+    path.write_text(text.replace("dataset.csv", "other.csv"), encoding="utf-8")
     assert hashes(package, "report.figures") != [before]
 
 

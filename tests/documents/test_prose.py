@@ -39,7 +39,7 @@ def test_pages_refer_to_the_contradiction_about_the_particle_of_the_article():
     assert "3.1 contradicts itself" in row
     assert "docs/article.md#notes" in row
     paper = (ROOT / "config/paper.yaml").read_text()
-    assert "particle: ellipsoid # 3.1 contradicts itself: docs/article.md" in paper
+    assert "particle: ellipsoid # 3.1 contradicts itself: note E of" in paper
     article = (ROOT / "docs/article.md").read_text()
     assert "| particle | 3.1 contradicts itself" in article
     assert "**E. Particle.** Two statements" in article
