@@ -240,6 +240,21 @@ def test_a_phone_shows_all_without_scrolling_sideways(browser, folder):
         )
 
 
+def test_a_long_reason_makes_no_row_as_high_as_the_table(browser, tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    table4 = pd.read_csv(files["table4"])
+    table4["reason"] = "a grain moved by 4 mm, more than 1 mm; " * 6
+    for number in range(12):
+        table4[f"a_column_with_a_long_name_{number}"] = 1.0
+    table4.to_csv(tmp_path / "wide.csv", index=False)
+    tables = {"Sets simulated again": tmp_path / "wide.csv"}
+    page.write_report(config, jobs, files, tables, tmp_path / "report.html")
+    with page_in(browser, tmp_path, 1400, 900) as tab:
+        tab.click("summary")
+        row = tab.locator("table.sorts tbody tr").first.bounding_box()
+        assert row["height"] < 360
+
+
 def test_a_picture_is_seen_beside_the_verdict_without_scrolling(browser, folder):
     with page_in(browser, folder, 1400, 900) as tab:
         figure = tab.locator(".leading img").bounding_box()
