@@ -62,7 +62,7 @@ def compared(solutions_csv, jobs, study, published, out, support=None):
     )
 
 
-def answer_of(study, summary_json, check_csv, solutions_csv):
+def answer_of(study, summary_json, check_csv, solutions_csv, card_dir=None):
     settings = study.settings
     return answer.read_answer(
         summary_json,
@@ -73,5 +73,6 @@ def answer_of(study, summary_json, check_csv, solutions_csv):
         measure=settings.measure,
         strategy=settings.strategy,
         results_dir=settings.results_dir,
+        card_dir=card_dir,
         small_run=settings.small_run,
     )

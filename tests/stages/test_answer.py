@@ -47,10 +47,12 @@ def study(folder, simulated, feasible=True):
     return {"label": "wheat", "results_dir": str(folder), "targets": [TARGET]}
 
 
-def read(config):
+def read(config, **options):
     names = ("miga/summary.json", "validation/representative.csv", "miga/feasible.csv")
     return answer_of(
-        studied(config), *(f"{config['results_dir']}/{name}" for name in names)
+        studied(config),
+        *(f"{config['results_dir']}/{name}" for name in names),
+        **options,
     )
 
 
@@ -83,6 +85,18 @@ def test_targets_that_are_met_are_said_to_be_met_first(tmp_path):
     assert found.reason == "The simulated mean lies inside the range."
     assert str(found).count("targets met") == 1
     assert "NOT met" not in str(found)
+
+
+def test_an_answer_with_a_card_of_its_own_names_it_and_the_first_one(tmp_path):
+    config = study(tmp_path, 33.5)
+    folder = tmp_path / "refined"
+    found = read(config, card_dir=folder)
+    lines = str(found).splitlines()
+    assert f"report: {folder}/report.html, and the material card: " in lines[-2]
+    assert lines[-2].endswith(f"{folder}/card.json")
+    assert lines[-1] == (
+        f"The study's first answer stays in {tmp_path}/report.html and {tmp_path}/card.json."
+    )
 
 
 @pytest.mark.parametrize(
@@ -388,6 +402,7 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
         "answers": stages_answer,
         "ANSWERS": {strategy: made},
         "RESULTS": str(tmp_path),
+        "find_card_folder": lambda strategy: str(tmp_path),
         "STUDY": studied(study(tmp_path, simulated, feasible)),
     }
     known["RUN"] = SimpleNamespace(has_written=lambda path: path == "t4.csv")

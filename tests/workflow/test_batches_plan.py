@@ -25,7 +25,9 @@ pytestmark = pytest.mark.slow
 # come the path, a Box-Behnken design in three factors, and the check.
 SAMPLES = {"sequential": [8, 2, 2, 1], "response_surface": [8 + 3, 2 + 1, 12 + 3, 2]}
 SECTIONS = {"sequential": {"probability": 0.99}, "response_surface": {}}
-END = {"conclude_refined", "refined", "total"}
+# The refined answer has a card and a page of its own; the page shows a pour of it.
+END = {"conclude_refined", "card_refined", "strategy_trajectory", "page_refined"}
+END |= {"refined", "total"}
 ROUND = {"propose", "batch_pour", "measure_batch_runs", "batch_dataset"} | END
 JOBS = {1001: 1, 1002: 1, 1003: 1, 1004: 1}  # places near the targets, a pour at each
 
@@ -70,7 +72,8 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
         folders.append(folder / f"batch_{len(folders)}")
         found = propose(strategy, study, folders[:-1], folders[-1])
         jobs = planned(project, *arguments)
-        assert jobs[f"conclude_{strategy}"] == 1
+        assert jobs[f"conclude_{strategy}"] == jobs[f"card_{strategy}"] == 1
+        assert not {"card", "page"} & set(jobs), "those of the first answer stay"
         if found.get("simulated"):
             break
         sizes.append(len(pd.read_csv(folders[-1] / "samples.csv")))

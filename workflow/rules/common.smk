@@ -79,6 +79,8 @@ RESULTS = config["results_dir"]
 CONFIG = f"{RESULTS}/config.json"
 # Rules that make the products of the study's strategy: those of the article's method, and of a strategy with several batches.
 AFTER_THE_ARTICLE = strategies.strategy(config["strategy"]).begins_with_design
+# The strategy whose answer is that of the study. `refined` starts from the answer of `published`.
+STRATEGY = "published" if AFTER_THE_ARTICLE else config["strategy"]
 PRODUCTS = [
     *(["calibration", "figures"] if AFTER_THE_ARTICLE else []),
     *([config["strategy"]] if config["strategy"] != "published" else []),
@@ -176,8 +178,13 @@ ANSWERS = {}  # by strategy
 
 
 def find_answer():
-    """Find the answer of the study's strategy. `refined` starts from the answer of `published`."""
-    return ANSWERS["published" if AFTER_THE_ARTICLE else config["strategy"]]
+    """Find the answer of the study."""
+    return ANSWERS[STRATEGY]
+
+
+def find_card_folder(strategy):
+    """Find the folder of the card and the report of a strategy. Those of the study's answer lie in the folder of results."""
+    return RESULTS if strategy in (STRATEGY, "published") else f"{RESULTS}/{strategy}"
 
 
 def find_figure_paths(*names):
@@ -216,9 +223,9 @@ def list_figure_files(*names):
     return [*pictures, *(path for png in pictures for path in list_other_formats(png))]
 
 
-def list_answer_jobs(wildcards):
-    """List the measured runs of the answer."""
-    if not AFTER_THE_ARTICLE:
-        return check_jobs(config["strategy"])
+def list_answer_jobs(strategy, wildcards):
+    """List the measured runs of a strategy's answer."""
+    if strategy != "published":
+        return check_jobs(strategy)
     first = rules.measure_validation_runs.output.result[0]
     return expand(first, runs=FOLDERS)

@@ -490,7 +490,7 @@ class Result:
     checks : tuple of Check
         One for each target.
     folder : Path
-        Folder of the results.
+        Folder of the report and the material card of this result.
     within : mapping
         For each tolerance in percent of the aims, the probability that all means lie
         within it. The probabilities come from the runs of the check alone. They are
@@ -515,6 +515,9 @@ class Result:
     near_bounds : tuple of str
         A clause for each parameter that lies at most one standard error away from a
         bound of its range (`repose.calibrate.bounds`).
+    first_folder : Path or None
+        Folder of the report and the material card of the study's first answer, if this
+        result is another one; None if it is the first.
     """
 
     label: str
@@ -533,6 +536,7 @@ class Result:
     labels: Mapping[str, str] = field(default_factory=dict)
     inside: float | None = None
     near_bounds: tuple[str, ...] = ()
+    first_folder: Path | None = None
 
     @property
     def assessment(self) -> Assessment:
@@ -596,6 +600,11 @@ class Result:
         elif self.verdict is not Verdict.MET:
             remedy = "" if self.feasible else "wider ranges of parameters or targets; "
             lines.append(f"What helps: {remedy}{self.advice}.")
+        if self.first_folder is not None:
+            lines.append(
+                f"The study's first answer stays in {self.first_folder / REPORT_FILE} "
+                f"and {self.first_folder / CARD_FILE}."
+            )
         return "\n".join(lines)
 
     def _describe_parameters(self) -> list[str]:

@@ -56,6 +56,7 @@ def read_answer(  # noqa: PLR0913  (each describes the study that was calibrated
     measure: MeasureSettings | None,
     strategy: str,
     results_dir: StrPath,
+    card_dir: StrPath | None = None,
     small_run: bool = False,
     parameter_names: Sequence[str] | None = None,
 ) -> Result:
@@ -83,6 +84,9 @@ def read_answer(  # noqa: PLR0913  (each describes the study that was calibrated
         the check fails.
     results_dir : path
         Folder of the results.
+    card_dir : path, optional
+        Folder of the report and the material card of this answer, by default that of
+        the results. A strategy that continues a study has a folder for its own.
     small_run : bool, optional
         Whether the study has too few runs for a real calibration.
     parameter_names : sequence of str, optional
@@ -125,13 +129,16 @@ def read_answer(  # noqa: PLR0913  (each describes the study that was calibrated
         percent: _get_number(first_row, name)
         for percent, name in WITHIN_COLUMNS.items()
     }
+    results_folder = Path(results_dir)
+    card_folder = results_folder if card_dir is None else Path(card_dir)
     return Result(
         label=label,
         parameters=parameters,
         feasible=summary["feasible"],
         message=summary["message"],
         checks=tuple(checks),
-        folder=Path(results_dir),
+        folder=card_folder,
+        first_folder=None if card_folder == results_folder else results_folder,
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
         advice=ADVICE_BY_STRATEGY.get(strategy, MORE_POURS_ADVICE),

@@ -64,3 +64,5 @@ for name in BATCHED:
             concluded,
             lambda wildcards, name=name: files_of_batches(name),
             list_figure_files(*list_figure_names(name)),
+            f"{find_card_folder(name)}/card.json",
+            f"{find_card_folder(name)}/report.html",
