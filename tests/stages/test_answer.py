@@ -532,9 +532,9 @@ def test_a_prediction_stands_beside_its_expected_optimism(tmp_path):
     row = found.checks[0].make_card_entry()
     assert row["optimism"] == 0.3761
     assert row["optimism_error"] == 0.0704
-    # without a replicate the prediction stands alone
+    # without a replicate the optimism is unknown
     table.write_text(f"{header},{added}\n{row_without(table)}\n")
-    says(str(read(config)), "Predicted: aor_deg 32.76 deg.")
+    says(str(read(config)), "Predicted: aor_deg 32.76 deg (expected optimism unknown).")
 
 
 def row_without(table):

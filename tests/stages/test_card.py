@@ -718,7 +718,7 @@ def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, com
         "mus_gg, mur_gg -1.00",
         "Simulated minus measured: height_mm ",
         "fixed",
-        "predicted 67.98, 15.0 % off the simulated",
+        "predicted 67.98 (expected optimism unknown), 15.0 % off the simulated",
         "all within 1 %: probability 0.25",
         "funnel: berries 500, rate_per_s 30",
         "all within 2 %: probability unknown; it requires two good runs of each bench test",

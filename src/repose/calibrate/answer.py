@@ -225,15 +225,13 @@ class Check:
         text = (
             f"{self.response} {format_significant(self.predicted)} {self.unit}".rstrip()
         )
-        if not self.optimism_clause:
-            return text
         return f"{text} ({self.optimism_clause})"
 
     @property
     def optimism_clause(self) -> str:
-        """Clause with the expected optimism of the prediction; empty if unknown."""
+        """Clause with the expected optimism of the prediction, known or unknown."""
         if self.optimism is None:
-            return ""
+            return "expected optimism unknown"
         return describe_optimism(self.optimism, self.optimism_error)
 
     @property
@@ -778,6 +776,17 @@ def describe_optimism(optimism: float, error: float | None) -> str:
     if error is not None and not math.isfinite(error):
         error = None
     return f"expected optimism {format_with_error(optimism, error, sign='+')}"
+
+
+def describe_missing_optimism(checks: Iterable[Check]) -> str:
+    """Say what the probability of a prediction leaves out: its expected optimism."""
+    if any(check.optimism is None for check in checks):
+        return (
+            "The expected optimism of this prediction is unknown. The search favours "
+            "points where the surrogate errs towards the target, so the true "
+            "probability is mostly lower."
+        )
+    return "This does not include the expected optimism of the predictions."
 
 
 def describe_differences(checks: Iterable[Check]) -> str:

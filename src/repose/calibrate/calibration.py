@@ -14,6 +14,7 @@ from repose.calibrate.answer import (
     WITHIN_COLUMNS,
     Check,
     Result,
+    describe_missing_optimism,
     describe_probabilities,
     is_out_of_reach,
 )
@@ -46,6 +47,8 @@ TABLE_FILES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
 RECORD_FILES = ("posterior.json", "summary.json", "card.json")
 # Key of the note of an answer that describes the training of its model.
 METRICS_NOTE = "metrics"
+# Key of the note with the expected optimism of the predictions.
+OPTIMISM_NOTE = "optimism"
 
 
 class Calibration(NamedTuple):
@@ -165,6 +168,16 @@ class Calibration(NamedTuple):
         return self.posterior.parameters, self.posterior.draws
 
     @property
+    def optimism(self) -> dict[str, Mapping[str, Any]]:
+        """Expected optimism of the predictions by response; empty if it is unknown.
+
+        Each entry has `optimism`, the expected value of the prediction minus the true
+        mean, and `optimism_se`, its standard error.
+        """
+        rows = self.answer.notes.get(OPTIMISM_NOTE, ())
+        return {row["response"]: row for row in rows}
+
+    @property
     def files_of_strategy(self) -> list[str]:
         """Additional files of the strategy that `save` writes."""
         notes = self.answer.notes
@@ -213,6 +226,7 @@ class Calibration(NamedTuple):
         targets = self.study.targets
         checks = []
         for target, mean in zip(targets, self.answer.mean.tolist(), strict=True):
+            optimism = self.optimism.get(target.name, {})
             check = Check.from_target(
                 target,
                 simulated=None,
@@ -220,6 +234,8 @@ class Calibration(NamedTuple):
                 runs=0,
                 status=NOT_SIMULATED_AGAIN,
                 predicted=mean,
+                optimism=optimism.get("optimism"),
+                optimism_error=optimism.get("optimism_se"),
             )
             checks.append(check)
         return Result(
@@ -230,6 +246,7 @@ class Calibration(NamedTuple):
             checks=tuple(checks),
             folder=Path(),
             out_of_reach=is_out_of_reach(self.summary),
+            inside=self.probability["inside"],
             within={
                 percent: self.probability[column]
                 for percent, column in WITHIN_COLUMNS.items()
@@ -253,7 +270,8 @@ class Calibration(NamedTuple):
         lines += self._describe_predictions()
         lines.append(
             "Probability that the simulator's means there lie "
-            f"{describe_probabilities(self.probability)}."
+            f"{describe_probabilities(self.probability)}. "
+            f"{describe_missing_optimism(self.as_answer().checks)}"
         )
         if METRICS_NOTE in self.answer.notes:
             lines.append(describe_training(self.answer.notes[METRICS_NOTE]))
@@ -262,16 +280,23 @@ class Calibration(NamedTuple):
     def _describe_predictions(self) -> list[str]:
         """Write a line for each response that compares its prediction with the target."""
         lines = []
-        for target, mean, error in zip(
-            self.study.targets, self.answer.mean, self.answer.error, strict=True
+        for target, mean, error, check in zip(
+            self.study.targets,
+            self.answer.mean,
+            self.answer.error,
+            self.as_answer().checks,
+            strict=True,
         ):
             unit = f" {target.response.unit}".rstrip()
-            lines.append(
+            line = (
                 f"  {target.name}: {format_with_error(mean, error)}{unit}, "
                 f"{target.off_percent(mean):+.2f} % off the target "
                 f"{format_significant(target.aim)}, range {format_significant(target.low)} "
                 f"to {format_significant(target.high)}{unit}"
             )
+            if check.optimism is not None:
+                line += f"; {check.optimism_clause}"
+            lines.append(line)
         return lines
 
     def __repr__(self) -> str:

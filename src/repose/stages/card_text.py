@@ -10,6 +10,7 @@ from repose.calibrate.answer import (
     Check,
     Verdict,
     describe_differences,
+    describe_missing_optimism,
     describe_probabilities,
     format_verdict_line,
 )
@@ -200,6 +201,8 @@ def _describe_subject(card: Card) -> Iterator[str]:
         if "probability" in card:
             probability = describe_probabilities(card["probability"])
             yield f"probability that the simulator's means lie {probability}"
+            if get_verdict(card) is Verdict.UNCHECKED:
+                yield describe_missing_optimism(map(_read_check, card["tests"]))
         return
 
     yield from _describe_grain(card["grain"])
@@ -277,10 +280,9 @@ def _describe_test(test: Card) -> Iterator[str]:
     check = Check.from_card_entry(test)
     if check.predicted is not None and check.error_percent is not None:
         predicted = format_significant(check.predicted)
-        # Optimism is the expected bias of the prediction. The text may be empty.
-        optimism = f" ({check.optimism_clause})" if check.optimism_clause else ""
+        # Optimism is the expected bias of the prediction.
         yield (
-            f"  predicted {predicted}{optimism}, {check.error_percent:.1f} % "
+            f"  predicted {predicted} ({check.optimism_clause}), {check.error_percent:.1f} % "
             "off the simulated"
         )
 

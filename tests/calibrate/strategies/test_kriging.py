@@ -264,3 +264,24 @@ def test_a_nugget_is_estimated_once(monkeypatch):
     first = noise.estimate_nugget(unit, means, shares)
     monkeypatch.setattr(process, "Process", None)
     assert noise.estimate_nugget(unit.copy(), means.copy(), shares) == first
+
+
+def test_a_refit_to_other_means_keeps_the_model_of_the_first_fit():
+    random = np.random.default_rng(2)
+    points = random.random((12, 2))
+    values = (points @ [[3.0, 1.0], [1.0, 2.0]])[:, None] + random.normal(
+        0, 0.1, (12, 3, 2)
+    )
+    model = Kriging(ObservedSamples(points, values))
+    places = random.random((5, 2))
+    mean, covariance = model.predict(places)
+    same, same_covariance = model.refit(values.mean(axis=1)).predict(places)
+    np.testing.assert_allclose(same, mean, rtol=1e-9)
+    np.testing.assert_allclose(same_covariance, covariance, rtol=1e-6)
+    # The model is linear in the means: opposite changes move it by opposite amounts.
+    change = random.normal(0, 0.1, (12, 2))
+    up = model.refit(values.mean(axis=1) + change).mean(places)
+    down = model.refit(values.mean(axis=1) - change).mean(places)
+    np.testing.assert_allclose(up - mean, mean - down, rtol=1e-6)
+    assert np.abs(up - mean).max() > 0.01
+    np.testing.assert_array_equal(model.predict(places)[0], mean)

@@ -1,5 +1,6 @@
 """A simulator of the user's own: what is asked for, what is refused, and whether the answer is right."""
 
+import dataclasses
 import json
 import re
 
@@ -17,6 +18,7 @@ from repose.calibrate.strategies.sequential import noise
 from repose.calibrate.strategies.sequential.strategy import arrange_runs
 from repose.calibrate.study import Study
 from repose.calibrate.study_file import complete_configuration, list_unread_keys
+from repose.report.page.own import write as write_report
 from repose.stages import card
 
 PAGE = (ROOT / "docs/own_simulator.md").read_text()
@@ -101,6 +103,29 @@ def test_the_answer_is_in_the_products_of_a_run(study, found, tmp_path, command)
     )
     for name in ("samples", "solutions", "posterior", "draws"):
         assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 1
+
+
+@pytest.mark.slow
+def test_a_prediction_comes_with_its_expected_optimism(found, tmp_path):
+    names = found.study.targets.names
+    assert set(found.optimism) == set(names)
+    text = str(found)
+    assert text.count("; expected optimism ") == len(names)
+    assert "This does not include the expected optimism of the predictions." in text
+    for test in found.card["tests"]:
+        expected = found.optimism[test["response"]]
+        assert test["optimism"] == expected["optimism"]
+        assert test["optimism_error"] == expected["optimism_se"]
+        # The bootstrap finds no large bias in a fit to 32 repeated samples.
+        assert (
+            abs(test["optimism"]) < 5 * found.prediction.loc[test["response"], "error"]
+        )
+    notes = {**found.answer.notes, "optimism": []}
+    unknown = found._replace(answer=dataclasses.replace(found.answer, notes=notes))
+    assert "The expected optimism of this prediction is unknown." in str(unknown)
+    write_report(found, tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert "does not include the expected optimism of the prediction (angle_deg" in page
 
 
 @pytest.mark.slow

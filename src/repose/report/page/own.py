@@ -44,7 +44,12 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     }
     # The first row of the solutions is the answer. It is checked here in place of sets
     # that are simulated again.
-    answer = calibration.solutions[:1]
+    answer = calibration.solutions[:1].copy()
+    for response in study.targets.responses:
+        if response.name in calibration.optimism:
+            optimism = calibration.optimism[response.name]
+            answer[response.optimism] = optimism["optimism"]
+            answer[response.optimism_error] = optimism["optimism_se"]
     results = Results(
         label=study.settings.label,
         is_small_run=False,

@@ -9,6 +9,11 @@ import pandas as pd
 from repose.calibrate.answer import WITHIN_COLUMNS
 from repose.calibrate.designs import latin_hypercube as design
 from repose.calibrate.inversion import Inversion, invert
+from repose.calibrate.optimism import (
+    ReplicateRuns,
+    estimate_optimism,
+    make_representative_search,
+)
 from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.runs import (
@@ -60,6 +65,9 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     # `Published.files` names the last three notes.
     notes = {
         **answer.notes,
+        "optimism": estimate_optimism_of_answer(
+            study, training, support, samples, data
+        ),
         "metrics": training.metrics,
         "accuracy": training.predictions,
         "intervals": inversion.intervals,
@@ -220,3 +228,57 @@ def compute_probabilities(
     inside = compute_box_probability(mean, covariance, targets.low, targets.high)
     probabilities["inside"] = float(inside[0])
     return probabilities
+
+
+def estimate_optimism_of_answer(
+    study: Study,
+    training: Training,
+    support: Support,
+    samples: pd.DataFrame,
+    data: pd.DataFrame,
+) -> list[dict[str, object]]:
+    """Estimate how much too good the prediction of the answer probably is.
+
+    A search prefers parameter sets for which the noise makes the surrogate agree with
+    the targets. So the predictions there are too near to the targets on average. This
+    is the optimism.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    training : Training
+        The surrogate of these runs.
+    support : Support
+        The region that the good samples cover.
+    samples : pandas.DataFrame
+        The samples to which the surrogate was fitted.
+    data : pandas.DataFrame
+        The runs of these samples.
+
+    Returns
+    -------
+    list of dict
+        A row for each response. It is empty if the noise cannot be estimated, because
+        no sample has two runs, or if the key `miga.replicates` is 0.
+    """
+    settings = study.settings.miga
+    runs_of_bench_tests = split_by_bench(data, study.targets)
+    pours = ReplicateRuns.collect(
+        training.model, samples, runs_of_bench_tests, study.targets
+    )
+    if pours is None or not settings.replicates:
+        return []
+    table = estimate_optimism(
+        training.model,
+        pours,
+        make_representative_search(study.parameters, study.targets, settings, support),
+        study.targets,
+        replicates=settings.replicates,
+        seed=settings.seed,
+    )
+    # pandas allows any type as a column name, but JSON only text.
+    return [
+        {str(key): value for key, value in row.items()}
+        for row in table.to_dict("records")
+    ]

@@ -10,14 +10,10 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.inversion import invert
-from repose.calibrate.optimism import (
-    ReplicateRuns,
-    estimate_optimism,
-    make_representative_search,
-)
 from repose.calibrate.seeds import PURPOSE_STREAMS
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.published.strategy import (
+    estimate_optimism_of_answer,
     fit_surrogate,
     make_answer,
     make_design_batch,
@@ -25,11 +21,9 @@ from repose.calibrate.strategies.published.strategy import (
 from repose.calibrate.strategies.refined.places import draw_near_targets
 from repose.calibrate.strategies.runs import (
     find_next_sample,
-    split_by_bench,
     summarise_samples,
 )
 from repose.calibrate.study import Study
-from repose.calibrate.surrogates.support import Support
 from repose.calibrate.training import Training
 
 
@@ -81,7 +75,9 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         **answer.notes,
         "steps": _describe_steps(study, n_refined=int(is_second_stage.sum())),
         "fit": training.metrics,
-        "optimism": _estimate_optimism(study, training, support, samples, data),
+        "optimism": estimate_optimism_of_answer(
+            study, training, support, samples, data
+        ),
     }
     return replace(answer, notes=notes)
 
@@ -149,57 +145,3 @@ def _propose_second_stage(
         "decides"
     )
     return Batch(samples, {"why": why, "fit": training.metrics})
-
-
-def _estimate_optimism(
-    study: Study,
-    training: Training,
-    support: Support,
-    samples: pd.DataFrame,
-    data: pd.DataFrame,
-) -> list[dict[str, object]]:
-    """Estimate how much too good the prediction of the answer probably is.
-
-    A search prefers parameter sets for which the noise makes the surrogate agree with
-    the targets. So the predictions there are too near to the targets on average. This
-    is the optimism.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    training : Training
-        The surrogate of all runs.
-    support : Support
-        The region that the good samples cover.
-    samples : pandas.DataFrame
-        The samples to which the surrogate was fitted.
-    data : pandas.DataFrame
-        The runs of these samples.
-
-    Returns
-    -------
-    list of dict
-        A row for each response. It is empty if the noise cannot be estimated, because
-        no sample has two runs, or if the key `miga.replicates` is 0.
-    """
-    settings = study.settings.miga
-    runs_of_bench_tests = split_by_bench(data, study.targets)
-    pours = ReplicateRuns.collect(
-        training.model, samples, runs_of_bench_tests, study.targets
-    )
-    if pours is None or not settings.replicates:
-        return []
-    table = estimate_optimism(
-        training.model,
-        pours,
-        make_representative_search(study.parameters, study.targets, settings, support),
-        study.targets,
-        replicates=settings.replicates,
-        seed=settings.seed,
-    )
-    # pandas allows any type as a column name, but JSON only text.
-    return [
-        {str(key): value for key, value in row.items()}
-        for row in table.to_dict("records")
-    ]

@@ -20,6 +20,7 @@ Sources, named where they are used:
   almost linear simulator.
 """
 
+import copy
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -271,6 +272,23 @@ class Kriging(CombinedOutputs):
         # that the processes predict there.
         residuals, variances, other_variances = self._predict_left_out()
         self.factor = _estimate_factor(residuals, variances, other_variances)
+
+    def refit(self, means: np.ndarray) -> "Kriging":
+        """Return a copy that is conditioned on other means (n, k) of its samples.
+
+        The combinations of the responses, the hyperparameters of the processes and the
+        factor stay the same.
+        """
+        refitted = copy.copy(self)
+        refitted.values = (means @ self._mixing - self._middle) / self._scale
+        refitted.process_sets = []
+        for processes in self.process_sets:
+            copies = [copy.copy(process) for process in processes]
+            for process, values in zip(copies, refitted.values.T, strict=True):
+                process.values = values
+                process.weights = process.compute_weights(values)
+            refitted.process_sets.append(copies)
+        return refitted
 
     def predict(self, unit_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Predict mean responses at points of the unit cube.

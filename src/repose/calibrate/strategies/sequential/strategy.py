@@ -36,6 +36,9 @@ from repose.calibrate.strategies.sequential.kriging import (
     SpaceKriging,
 )
 from repose.calibrate.strategies.sequential.noise import Noise, find_noise
+from repose.calibrate.strategies.sequential.optimism import (
+    estimate_optimism_of_answer,
+)
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
@@ -257,6 +260,22 @@ def give_answer(
                 reasons.append(NO_RUN_AT_END_REMARK)
                 all_notes["stop"] = ENDS_NOT_SIMULATED
             reasons.append(NEAREST_REMARK)
+
+    # Estimate how much too favourable the prediction is: by refits to runs that are
+    # drawn again, each with a choice of its own.
+    is_nearest = NEAREST_REMARK in "; ".join(reasons)
+
+    def choose_point(refitted: Kriging) -> np.ndarray:
+        refitted_ranking = rank_points(
+            refitted, goal, observed, _make_generator(study, data)
+        )
+        if not is_nearest:
+            return refitted_ranking.best
+        return find_nearest(refitted, goal, observed, refitted_ranking.points)
+
+    all_notes["optimism"] = estimate_optimism_of_answer(
+        study, data, model, choose_point
+    )
 
     # Predict the responses of the answer. The functions take arrays of points, so make
     # an array of this single one.
