@@ -100,7 +100,7 @@ def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_b
     page_own.write(answer, tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert text.count('src="data:image/png;base64,') == 4
-    assert "<b>Targets predicted to be met.</b>" in text
+    assert "<b>Targets predicted: met (" in text
     absent = ("not checked", "no result", ">unknown<", "Blue: the new simulations")
     assert not any(phrase in text for phrase in absent)
     # parameters of the user's own have no other name than this

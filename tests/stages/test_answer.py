@@ -366,7 +366,9 @@ def test_one_run_decides_nothing_and_runs_without_scatter_decide_at_once():
 def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line():
     found = of_two(angle=None, height=None, status=answer.NOT_SIMULATED_AGAIN)
     sentence = "Angle of repose predicted 32.5 deg (measured 32, +1.6 %), my_mm without a number (measured 66). "
-    assert found.headline.startswith(f"two: targets not checked yet. {sentence}")
+    assert found.headline.startswith(
+        f"two: targets predicted: undecided (probability unknown). {sentence}"
+    )
 
 
 @pytest.mark.parametrize(
@@ -554,4 +556,25 @@ def test_a_parameter_near_a_bound_is_named(tmp_path):
         str(read(config)),
         "At a bound of the ranges, as far as the fit can tell: mus_gg 0.3588 is within "
         "one standard error of the fit (0.032) of its bound 0.35.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("predicted", "state"),
+    [
+        (0.999, "predicted: met (more than 99 %)"),
+        (0.72, "predicted: undecided (72 %)"),
+        (0.02, "predicted: NOT met (2 %)"),
+        (None, "predicted: undecided (probability unknown)"),
+    ],
+)
+def test_an_answer_that_was_only_predicted_has_three_states(predicted, state):
+    check = answer.Check.from_target(
+        TARGETS[0], None, None, 0, answer.NOT_SIMULATED_AGAIN, predicted=66.2
+    )
+    found = answer.Assessment((check,), feasible=True, inside=predicted)
+    assert found.state == state
+    assert found.verdict.met is None
+    assert str(check).startswith(
+        "height_mm 66.2 mm (expected optimism unknown), not simulated again; target "
     )

@@ -10,7 +10,11 @@ from typing import Any, Self
 from repose.calibrate.chance import REPORTED_PERCENTS, compute_range_probability
 from repose.calibrate.responses import find_response as known_response
 from repose.calibrate.targets import Target
-from repose.common.numbers import format_significant, format_with_error
+from repose.common.numbers import (
+    format_percent,
+    format_significant,
+    format_with_error,
+)
 from repose.common.statuses import describe_status
 
 # Advice for an answer whose prediction meets the targets but whose simulation does not.
@@ -67,6 +71,35 @@ def judge_probability(probability: float | None) -> Verdict:
     ):
         return Verdict.UNDECIDED
     return Verdict.MET if probability >= DECISIVE_PROBABILITY else Verdict.NOT_MET
+
+
+def describe_state(
+    verdict: Verdict, predicted: float | None = None, out_of_reach: bool = False
+) -> str:
+    """Describe the state of an answer: its verdict, or what is predicted of it.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        The verdict on the targets.
+    predicted : float, optional
+        Predicted probability that all means lie inside their ranges; None if unknown.
+        It counts only if the answer was not simulated again.
+    out_of_reach : bool, optional
+        Whether no parameter set is predicted to meet the targets. It counts only if the
+        probability is unknown.
+
+    Returns
+    -------
+    str
+        Such as "undecided" or "predicted: undecided (72 %)".
+    """
+    if verdict is not Verdict.UNCHECKED:
+        return verdict.value
+    if predicted is None:
+        state = Verdict.NOT_MET if out_of_reach else Verdict.UNDECIDED
+        return f"predicted: {state} (probability unknown)"
+    return f"predicted: {judge_probability(predicted)} ({format_percent(predicted)})"
 
 
 @dataclass(frozen=True)
@@ -359,7 +392,10 @@ class Check:
         target = (
             f"target {format_significant(self.low)} to {format_significant(self.high)} "
             f"{self.unit}"
-        )
+        ).rstrip()
+        if self.status == NOT_SIMULATED_AGAIN:
+            prediction = self.prediction_clause or f"{self.response} not predicted"
+            return f"{prediction}, {NOT_SIMULATED_AGAIN}; {target}"
         if self.simulated is None:
             return (
                 f"{self.response}: no number{self._failure_clause}; {target}: NOT met"
@@ -392,7 +428,8 @@ class Assessment:
         Whether the answer is predicted to meet all targets.
     inside : float or None
         Probability that all means lie inside their ranges, estimated from the runs of
-        the check. If it is None, the responses are treated as independent.
+        the check. If it is None, the responses are treated as independent. If the
+        answer was not simulated again, it is the predicted probability.
     out_of_reach : bool
         Whether no parameter set is predicted to meet the targets.
     """
@@ -422,6 +459,11 @@ class Assessment:
         if self.inside is not None and is_correlation_known:
             return self.inside
         return _multiply_probabilities(self.checks, further_runs=0)
+
+    @property
+    def state(self) -> str:
+        """The verdict, or the predicted one with its probability (`describe_state`)."""
+        return describe_state(self.verdict, self.inside, self.out_of_reach)
 
     @property
     def reason(self) -> str:
@@ -495,7 +537,7 @@ class Result:
         None if unknown.
     inside : float or None
         Probability that all means lie inside their ranges, from the same runs. If it is
-        None, the responses are treated as independent.
+        None, the responses are treated as independent. Without runs, it is predicted.
     tables : Path
         Folder of the tables of the check.
     solutions : Path
@@ -565,7 +607,11 @@ class Result:
     def headline(self) -> str:
         """Whether the targets are met, in one line with numbers."""
         line = format_verdict_line(
-            self.verdict, self.checks, self.reason, self.small_run
+            self.verdict,
+            self.checks,
+            self.reason,
+            self.small_run,
+            status=self.assessment.state,
         )
         return f"{self.label}: {line}"
 
@@ -672,7 +718,7 @@ def format_verdict_line(
         Whether the study is too small for a calibration. The line then begins with a
         warning.
     status : str, optional
-        Wording of the verdict after "targets"; by default that of `verdict`.
+        The result of `describe_state`; by default the wording of `verdict`.
 
     Returns
     -------

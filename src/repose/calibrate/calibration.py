@@ -317,8 +317,8 @@ class Calibration(NamedTuple):
         for table in (parameters, self.prediction, probability):
             # Only the intervals of fixed parameters have missing numbers.
             html += table.to_html(float_format=format_significant, na_rep="fixed")
-        message = escape(self.summary["message"])
-        return f"{html}<p>{message}</p><p>{escape(self.why)}</p>"
+        headline = escape(self.as_answer().headline)
+        return f"{html}<p>{headline}</p><p>{escape(self.why)}</p>"
 
 
 def calibrate(

@@ -9,6 +9,8 @@ SMALLEST_PLAIN = 1e-4
 # Significant digits of a standard error, which is itself uncertain, and of a number.
 DIGITS_OF_ERROR = 2
 MAX_SIGNIFICANT_DIGITS = 4
+# Half of the step to which `format_percent` rounds probabilities.
+HALF_PERCENT = 0.005
 
 
 def format_significant(value: float, digits: int = 4, sign: str = "") -> str:
@@ -93,6 +95,21 @@ def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
     decimals = _count_decimals(rounded_error, DIGITS_OF_ERROR)
     mean_text = format_decimals(mean, decimals, sign)
     return f"{mean_text} +- {rounded_error:.{decimals}f}"
+
+
+def format_percent(probability: float | None) -> str:
+    """Format a probability in whole percent, but never as 0 % or 100 %.
+
+    The number of runs is too small for such certainty.
+    """
+    if probability is None:
+        return "unknown"
+    # Beyond these limits, the rounded probability would be 0 % or 100 %.
+    if probability > 1 - HALF_PERCENT:
+        return "more than 99 %"
+    if probability < HALF_PERCENT:
+        return "less than 1 %"
+    return f"{100 * probability:.0f} %"
 
 
 def _count_decimals(value: float, digits: int) -> int:

@@ -12,6 +12,7 @@ from repose.calibrate.answer import (
     describe_differences,
     describe_missing_optimism,
     describe_probabilities,
+    describe_state,
     format_verdict_line,
 )
 from repose.calibrate.card import SOLUTION_RANGE, add_remark
@@ -33,11 +34,24 @@ def format_verdict(card: Card) -> str:
     checks = map(Check.from_card_entry, card["tests"])
     state = get_verdict(card)
     line = format_verdict_line(
-        state, checks, reason=reason, small_run=card.get("small_run", False)
+        state,
+        checks,
+        reason=reason,
+        small_run=card.get("small_run", False),
+        status=_describe_state(card),
     )
     text = f"{card['material']}: {line}"
     # If the targets are not met, the line already has the reason.
     return f"{text}\n{reason}" if state is Verdict.MET else text
+
+
+def _describe_state(card: Card) -> str:
+    """Describe the verdict of a card, or what it predicts (`describe_state`)."""
+    return describe_state(
+        get_verdict(card),
+        predicted=card.get("probability", {}).get("inside"),
+        out_of_reach=bool(card.get("out_of_reach")),
+    )
 
 
 def get_verdict(card: Card) -> Verdict:
@@ -98,7 +112,7 @@ def describe_card(card: Card) -> str:
         Several lines: whether the targets are met, grain and contact laws, parameters,
         tests, and the version of repose that made the card.
     """
-    lines = [f"Material card: {card['material']}; targets {get_verdict(card)}"]
+    lines = [f"Material card: {card['material']}; targets {_describe_state(card)}"]
     lines.append(get_reason(card))
     lines += _describe_subject(card)
     lines += _describe_parameters(card)
@@ -169,7 +183,9 @@ def _describe_tests(card: Card) -> Iterator[str]:
     for test in card["tests"]:
         for line in _describe_test(test):
             yield f"  {line}"
-    yield f"  {describe_differences(map(Check.from_card_entry, card['tests']))}"
+    checks = [Check.from_card_entry(test) for test in card["tests"]]
+    if any(check.simulated is not None for check in checks):
+        yield f"  {describe_differences(checks)}"
     # `within` has the probability that all means lie within so many percent of their
     # targets. It is unknown with too few runs.
     for percent, probability in card["within"].items():
@@ -202,7 +218,9 @@ def _describe_subject(card: Card) -> Iterator[str]:
             probability = describe_probabilities(card["probability"])
             yield f"probability that the simulator's means lie {probability}"
             if get_verdict(card) is Verdict.UNCHECKED:
-                yield describe_missing_optimism(map(_read_check, card["tests"]))
+                yield describe_missing_optimism(
+                    map(Check.from_card_entry, card["tests"])
+                )
         return
 
     yield from _describe_grain(card["grain"])
@@ -266,18 +284,28 @@ def _describe_test(test: Card) -> Iterator[str]:
     """
     measured = format_significant(test["measured"])
     sd = format_significant(test["sd"], 2)
-    simulated = _format_mean(test["simulated"], test["standard_error"])
-    if test["simulated"] is not None:
-        simulated += f" {test['unit']}"
+    check = Check.from_card_entry(test)
+    if check.verdict is Verdict.UNCHECKED:
+        # Optimism is the expected bias of the prediction.
+        predicted = _format_mean(check.predicted, None)
+        if check.predicted is not None:
+            predicted += f" {test['unit']} ({check.optimism_clause})"
+        result = f"predicted {predicted}, {test['status']}"
+    else:
+        simulated = _format_mean(test["simulated"], test["standard_error"])
+        if test["simulated"] is not None:
+            simulated += f" {test['unit']}"
+        result = (
+            f"simulated {simulated} (runs: {test['runs']}): {_get_test_verdict(test)}"
+        )
     yield (
         f"{test['response']} ({test['apparatus']}): measured {measured} "
         f"(sd {sd}, {test['repetitions']} repetitions), "
         f"target {format_significant(test['low'])} to {format_significant(test['high'])}, "
-        f"simulated {simulated} (runs: {test['runs']}): {_get_test_verdict(test)}"
+        f"{result}"
     )
 
     # Compare the surrogate's prediction with the simulation, if there is one.
-    check = Check.from_card_entry(test)
     if check.predicted is not None and check.error_percent is not None:
         predicted = format_significant(check.predicted)
         # Optimism is the expected bias of the prediction.

@@ -93,11 +93,15 @@ def test_the_answer_is_in_the_products_of_a_run(study, found, tmp_path, command)
         command("card", "check", tmp_path / "card.json", status=4).out,
     ):
         assert text.startswith(
-            "rape_seed: targets not checked yet. angle_deg predicted "
+            "rape_seed: targets predicted: met (more than 99 %). angle_deg predicted "
         )
     assert {test["bench"] for test in made["tests"]} == {None}
     assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
-    assert "not simulated again" in command("card", "show", tmp_path / "card.json").out
+    shown = command("card", "show", tmp_path / "card.json").out
+    assert shown.startswith("Material card: rape_seed; targets predicted: met (more ")
+    assert re.search(r"target \S+ to \S+, predicted \S+ deg \(expected optimism", shown)
+    assert "no number" not in shown
+    assert "unknown" not in shown
     assert (
         " predicted " in command("card", "compare", *2 * [tmp_path / "card.json"]).out
     )
@@ -186,7 +190,11 @@ def files_of(folder, content, runs):
 def test_a_calibration_ends_well_whatever_its_answer(
     found, monkeypatch, tmp_path, command
 ):
-    missed = found._replace(summary=found.summary | {"feasible": False})
+    improbable = found.answer.probability | {"inside": 0.001}
+    missed = found._replace(
+        summary=found.summary | {"feasible": False},
+        answer=dataclasses.replace(found.answer, probability=improbable),
+    )
     monkeypatch.setattr(calibration, "calibrate", lambda *_: missed)
     first = command(
         "calibrate", *files_of(tmp_path, CONTENT, found.runs)
@@ -198,7 +206,9 @@ def test_a_calibration_ends_well_whatever_its_answer(
     assert card.read_card(tmp_path / "card.json")["out_of_reach"] is True
     text = (tmp_path / "report.html").read_text()
     says(
-        text, "<b>Targets not checked yet.</b> angle_deg predicted ", "Other parameters"
+        text,
+        "<b>Targets predicted: NOT met (less than 1 %).</b> angle_deg predicted ",
+        "Other parameters",
     )
 
 

@@ -26,7 +26,7 @@ from repose.calibrate.samples_inside import describe_samples_inside, find_sample
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import MAX_R_HAT
 from repose.common.files import read_json, read_table
-from repose.common.numbers import format_significant, format_with_error
+from repose.common.numbers import format_percent, format_significant, format_with_error
 from repose.common.statuses import describe_failures
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import describe_line_of_response, line_of
@@ -51,7 +51,6 @@ from repose.report.page.tables import (
 )
 from repose.report.page.verdict import (
     VerdictText,
-    format_percent,
     make_checks,
     make_verdict,
 )

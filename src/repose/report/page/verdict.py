@@ -12,13 +12,12 @@ from repose.calibrate.answer import (
     describe_optimism,
     format_verdict_line,
     is_out_of_reach,
+    judge_probability,
 )
+from repose.common.numbers import format_percent
 from repose.measure.settings import describe_line_of_response
 from repose.report.page.study import Results
 from repose.report.page.templates import cell_text
-
-# Half of the step to which `format_percent` rounds probabilities.
-HALF_PERCENT = 0.005
 
 
 class VerdictText(NamedTuple):
@@ -44,7 +43,7 @@ class VerdictText(NamedTuple):
 def make_verdict(results: Results) -> VerdictText:
     """Describe whether the answer meets the targets, and how probably.
 
-    The verdict (met, not met, undecided or unchecked) comes from the checks of single
+    The verdict (met, not met, undecided, or predicted only) comes from the checks of single
     targets. The description begins with the line that a study prints at its end. The
     rating chooses the colour of the description.
 
@@ -66,13 +65,12 @@ def make_verdict(results: Results) -> VerdictText:
         inside=probability_inside,
         out_of_reach=is_out_of_reach(results.summary),
     )
-    is_only_predicted = assessment.feasible and assessment.verdict is Verdict.UNCHECKED
     line = format_verdict_line(
         assessment.verdict,
         checks,
         reason=assessment.reason,
         small_run=results.is_small_run,
-        status="predicted to be met" if is_only_predicted else "",
+        status=assessment.state,
     )
     first_sentences = line[0].upper() + line[1:]  # the line is never empty
     if assessment.feasible:
@@ -95,6 +93,9 @@ def _rate_answer(assessment: Assessment, probability: float | None) -> str:
     `probability` is the probability that all targets are met, or None if it is unknown.
     """
     if not assessment.feasible or assessment.verdict is Verdict.NOT_MET:
+        return "bad"
+    is_predicted = assessment.verdict is Verdict.UNCHECKED and probability is not None
+    if is_predicted and judge_probability(probability) is Verdict.NOT_MET:
         return "bad"
     if assessment.verdict is Verdict.UNDECIDED or probability is None:
         return "fair"
@@ -217,21 +218,6 @@ def _describe_inside(n_targets: int) -> str:
         return "the mean of the response lies inside its target range"
     responses = "both responses" if n_targets == 2 else f"all {n_targets} responses"
     return f"the means of {responses} lie inside their target ranges"
-
-
-def format_percent(probability: float | None) -> str:
-    """Format a probability in whole percent, but never as 0 % or 100 %.
-
-    The number of runs is too small for such certainty.
-    """
-    if probability is None:
-        return "unknown"
-    # Beyond these limits, the rounded probability would be 0 % or 100 %.
-    if probability > 1 - HALF_PERCENT:
-        return "more than 99 %"
-    if probability < HALF_PERCENT:
-        return "less than 1 %"
-    return f"{100 * probability:.0f} %"
 
 
 def make_checks(results: Results) -> Iterator[Check]:
