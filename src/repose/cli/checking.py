@@ -289,7 +289,19 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     # Show these lines now, because the costs below need a pour that takes some time.
     sys.stdout.flush()
     grain_step_s = _measure_grain_step_s(study)
-    _print_lines(check.tabulate_costs(study, result.budgets, grain_step_s))
+    budgets = _choose_budgets(study, result)
+    _print_lines(check.tabulate_costs(study, budgets, grain_step_s))
+
+
+def _choose_budgets(study: PipelineConfig, result: "Plan") -> tuple[int, ...]:
+    """Choose the numbers of runs of the sequential strategy that the table shows.
+
+    Where the success of several budgets is unknown, their rows would say nothing. The
+    table then shows only the budget of the configuration.
+    """
+    if result.success is None:
+        return (study.settings.sequential.most_pours,)
+    return result.budgets
 
 
 def _find_own_runs(study: PipelineConfig) -> Path | None:
@@ -354,7 +366,8 @@ def _print_probabilities(result: "Plan") -> None:
         differences = ", ".join(result.differences)
         print(
             f"success: its probability is known for {result.campaigns}; this study is "
-            f"different ({differences})"
+            f"different ({differences}), so the table of costs does not say how good an "
+            "answer becomes"
         )
         return
     titles = [f"{percent:g} %" for percent in TOLERANCES]

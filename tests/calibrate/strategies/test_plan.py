@@ -191,6 +191,13 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
         "published": [(design, sum(checks))],
     }
     assert [(int(row[1]), int(row[2])) for row in marked] == pours[strategy]
+    # Where nothing is known of its success, the strategy has one row, its own budget.
+    rows = [
+        line.split() for line in lines if line.split()[0].strip("*") == "sequential"
+    ]
+    shown = [int(row[1]) for row in rows]
+    most = config["sequential"]["most_pours"]
+    assert shown == (budgets if strategy == "sequential" else [most])
     assert lines[-1].startswith("*: the configured strategy")
     # The table of probabilities is only for the strategy that the campaigns followed.
     case = (
