@@ -18,7 +18,9 @@ from repose.calibrate.answer import (
     describe_probabilities,
     is_out_of_reach,
 )
+from repose.calibrate.chance import compute_target_probabilities
 from repose.calibrate.progress import announce
+from repose.calibrate.runs import Recorded, name_error_column, summarise_runs
 from repose.calibrate.samples_inside import find_samples_inside
 from repose.calibrate.strategies import answer as answers
 from repose.calibrate.strategies.base import Answer, Batch, strategy
@@ -72,6 +74,9 @@ class Calibration(NamedTuple):
         The posterior of the parameters.
     summary : dict
         The answer in plain values, as in ``summary.json``.
+    check : pandas.DataFrame or None
+        Runs with the parameters of the answer, which are not among `runs`. None if it
+        was not simulated again.
     """
 
     study: Study
@@ -82,6 +87,7 @@ class Calibration(NamedTuple):
     solutions: pd.DataFrame
     posterior: Posterior
     summary: dict[str, Any]
+    check: pd.DataFrame | None = None
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -222,17 +228,20 @@ class Calibration(NamedTuple):
         answers.write_notes(self.answer.notes, self.files_of_strategy, out)
 
     def as_answer(self) -> Result:
-        """Make the `Result` for the card; its checks are not simulated again."""
+        """Make the `Result` for the card, with the runs that check the answer."""
         targets = self.study.targets
+        means = self.summarise_check()
+        was_simulated = self.check is not None
+        probabilities = self.compute_target_probabilities()
         checks = []
         for target, mean in zip(targets, self.answer.mean.tolist(), strict=True):
             optimism = self.optimism.get(target.name, {})
             check = Check.from_target(
                 target,
-                simulated=None,
-                standard_error=None,
-                runs=0,
-                status=NOT_SIMULATED_AGAIN,
+                simulated=means.get(target.name),
+                standard_error=means.get(name_error_column(target.name)),
+                runs=means["n_seeds"],
+                status=means["status"],
                 predicted=mean,
                 optimism=optimism.get("optimism"),
                 optimism_error=optimism.get("optimism_se"),
@@ -246,11 +255,53 @@ class Calibration(NamedTuple):
             checks=tuple(checks),
             folder=Path(),
             out_of_reach=is_out_of_reach(self.summary),
-            inside=self.probability["inside"],
+            inside=probabilities["all"],
             within={
-                percent: self.probability[column]
+                percent: self.compute_target_probabilities(percent)["all"]
+                if was_simulated
+                else self.probability[column]
                 for percent, column in WITHIN_COLUMNS.items()
             },
+        )
+
+    def summarise_check(self) -> dict[str, Any]:
+        """Compute the means of the runs that check the answer.
+
+        Returns
+        -------
+        dict
+            The result of `repose.calibrate.runs.summarise_runs`. Without such runs, it
+            has only `status` and `n_seeds`.
+        """
+        if self.check is None:
+            return {"status": NOT_SIMULATED_AGAIN, "n_seeds": 0}
+        responses = Recorded(self.study.targets.names)
+        return summarise_runs(self.check.to_dict("records"), responses)
+
+    def compute_target_probabilities(
+        self, percent: float | None = None
+    ) -> dict[str, float | None]:
+        """Compute how probably the true means of the answer meet the targets.
+
+        Parameters
+        ----------
+        percent : float, optional
+            Accepted distance from the aims; by default the ranges of the targets count.
+
+        Returns
+        -------
+        dict
+            The probability of each target by its name, and of all by the key ``all``.
+            They come from the runs that check the answer. Without such runs, only the
+            predicted probability for the ranges of all targets is known.
+        """
+        targets = self.study.targets
+        if self.check is None:
+            unknown: dict[str, float | None] = dict.fromkeys(targets.names)
+            return unknown | {"all": self.probability["inside"]}
+        records = self.check.to_dict("records")
+        return compute_target_probabilities(
+            dict.fromkeys(targets.benches, records), targets, percent
         )
 
     def __str__(self) -> str:
@@ -266,12 +317,18 @@ class Calibration(NamedTuple):
             text = f"  {name} {format_significant(row['value'])} {interval}"
             lines.append(cards.add_remark(text, row))
         model_name = self.model.name.replace("_", " ")
-        lines.append(f"Predicted by {model_name}, not simulated again:")
+        checks = self.as_answer().checks
+        if self.check is None:
+            lines.append(f"Predicted by {model_name}, not simulated again:")
+        else:
+            lines.append("Simulated again:")
+            lines += [f"  {check}" for check in checks]
+            lines.append(f"Predicted by {model_name} before:")
         lines += self._describe_predictions()
         lines.append(
-            "Probability that the simulator's means there lie "
+            "Predicted probability that the simulator's means there lie "
             f"{describe_probabilities(self.probability)}. "
-            f"{describe_missing_optimism(self.as_answer().checks)}"
+            f"{describe_missing_optimism(checks)}"
         )
         if METRICS_NOTE in self.answer.notes:
             lines.append(describe_training(self.answer.notes[METRICS_NOTE]))
@@ -322,7 +379,10 @@ class Calibration(NamedTuple):
 
 
 def calibrate(
-    study: Study, runs: pd.DataFrame, proposal: Batch | Answer | None = None
+    study: Study,
+    runs: pd.DataFrame,
+    proposal: Batch | Answer | None = None,
+    check: pd.DataFrame | None = None,
 ) -> Calibration:
     """Find the parameters that meet the targets, and how certain they are.
 
@@ -340,6 +400,9 @@ def calibrate(
         Proposal of the strategy after these runs. If it is an answer, the answer is
         used unchanged. Otherwise the strategy gives the best answer that these runs
         allow.
+    check : pandas.DataFrame, optional
+        Runs with the parameters of the proposed answer, which check it. They do not
+        change the answer.
 
     Returns
     -------
@@ -406,6 +469,7 @@ def calibrate(
         solutions=solutions,
         posterior=posterior,
         summary=summary,
+        check=check,
     )
 
 

@@ -76,6 +76,24 @@ class _Turn(NamedTuple):
     number: int
 
 
+class CheckedAnswer(NamedTuple):
+    """An answer of the strategy that was simulated again.
+
+    Attributes
+    ----------
+    answer : Answer
+        The answer.
+    runs : pandas.DataFrame
+        The runs from which it follows.
+    check : pandas.DataFrame
+        The runs with its parameters.
+    """
+
+    answer: Answer
+    runs: pd.DataFrame
+    check: pd.DataFrame
+
+
 class _RunLabel(NamedTuple):
     """The cells that identify a run in the table, and whether the run was requested."""
 
@@ -240,6 +258,40 @@ class Record:
         runs = pd.to_numeric(numbers, errors="coerce")
         order = np.lexsort((runs, self.data["sample"], self._turn_numbers))
         return self.data.iloc[order].reset_index(drop=True)
+
+    def find_checked_answer(self) -> CheckedAnswer | None:
+        """Find the answer whose runs are the last turn of the record.
+
+        These runs check the answer, so the runs of earlier turns alone give it again.
+
+        Returns
+        -------
+        CheckedAnswer or None
+            None if the last turn belongs to a batch, or if the runs have no turns.
+        """
+        last_turn = self._last_turn
+        if last_turn == 0:
+            return None
+        data = self.sorted_data
+        # The rows of `data` are sorted by turn, so sort the numbers of the turns.
+        turns = np.sort(self._turn_numbers)
+        check = data[turns == last_turn].reset_index(drop=True)
+        is_earlier = turns < last_turn
+        runs = data[is_earlier].reset_index(drop=True)
+        runs.attrs[TURN_COLUMN] = turns[is_earlier].tolist()
+        # A batch has several samples, so the strategy need not propose it again.
+        if runs.empty or check["sample"].nunique() > 1:
+            return None
+        proposal = self._propose(runs)
+        if not isinstance(proposal, Answer):
+            return None
+        space = self.study.parameters
+        simulated = check[list(space.names)].to_numpy(float)[0]
+        if not np.allclose(
+            space.unit(simulated), space.unit(proposal.values), atol=1e-3
+        ):
+            return None
+        return CheckedAnswer(proposal, runs, check)
 
     def _propose(self, data: pd.DataFrame) -> Batch | Answer:
         """Ask the strategy what to simulate after some runs, or for its answer.

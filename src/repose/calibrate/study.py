@@ -574,7 +574,9 @@ class Study:
     def answer(self) -> "Calibration":
         """Return the parameters that meet the targets, with their certainty.
 
-        Before the study is `done`, these are the best that the runs so far give.
+        Before the study is `done`, these are the best that the runs so far give. If
+        `tell` has added runs with the parameters of the answer, they check this answer,
+        and the parameters stay the same.
 
         Returns
         -------
@@ -602,6 +604,9 @@ class Study:
             _limit_threads(),
             name_file_of_runs(self.file),
         ):
+            checked = record.find_checked_answer()
+            if checked is not None:
+                return calibrate(self, checked.runs, checked.answer, checked.check)
             return calibrate(self, record.sorted_data, record.proposal)
 
 

@@ -297,6 +297,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     $ repose calibrate results.csv --configfile own.yaml --out own
     """
     from repose.calibrate import calibration
+    from repose.calibrate.record import Record
     from repose.calibrate.strategies import strategy
     from repose.calibrate.strategies.runs import (
         checked_runs,
@@ -331,7 +332,14 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
 
     # Calibrate, and print the answer with its warnings.
     with name_file_of_runs(args.runs):
-        result = calibration.calibrate(study, runs)
+        # A record of `tell` says whether its last runs check an answer of the strategy.
+        checked = Record(study, args.runs).find_checked_answer()
+        if checked is None:
+            result = calibration.calibrate(study, runs)
+        else:
+            result = calibration.calibrate(
+                study, checked.runs, checked.answer, checked.check
+            )
     result.save(args.out)
     print(result)
     n_failed, statuses = _describe_failed_runs(runs)

@@ -216,7 +216,7 @@ def _describe_subject(card: Card) -> Iterator[str]:
         yield f"simulator: {card['simulator']}"
         if "probability" in card:
             probability = describe_probabilities(card["probability"])
-            yield f"probability that the simulator's means lie {probability}"
+            yield f"predicted probability that the simulator's means lie {probability}"
             if get_verdict(card) is Verdict.UNCHECKED:
                 yield describe_missing_optimism(
                     map(Check.from_card_entry, card["tests"])

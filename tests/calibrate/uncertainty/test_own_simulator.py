@@ -12,6 +12,7 @@ from refusals import input_error
 from shared import ROOT, at, put, says
 
 from repose.calibrate import calibration
+from repose.calibrate.answer import Verdict
 from repose.calibrate.record import Record
 from repose.calibrate.strategies.runs import checked_runs
 from repose.calibrate.strategies.sequential import noise
@@ -213,7 +214,9 @@ def test_a_calibration_ends_well_whatever_its_answer(
 
 
 @pytest.mark.slow
-def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path):
+def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(
+    study, tmp_path, command
+):
     record = tmp_path / "runs.csv"
     runs = None
     k = 0
@@ -234,6 +237,35 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
         - 1
     )
     assert abs(relative_error).max() < 0.02
+
+    # Before the check, the answer is only predicted.
+    proposed = now.proposal
+    assert now.answer().as_answer().verdict is Verdict.UNCHECKED
+    # Runs with its parameters check it, and do not change it. Their noise is small.
+    simulate(following, 0.001, seed=k).to_csv(tmp_path / "new.csv", index=False)
+    told = added(study, tmp_path / "new.csv", record)
+    checked = Study.own(CONTENT, record).answer()
+    np.testing.assert_array_equal(checked.answer.values, proposed.values)
+    assert len(checked.check) == len(following)
+    assert len(checked.runs) == len(told) - len(following)
+    result = checked.as_answer()
+    assert result.verdict is Verdict.MET
+    last = told.tail(len(following))
+    for check, name in zip(result.checks, ("angle_deg", "time_s"), strict=True):
+        assert check.runs == len(following)
+        assert check.simulated == pytest.approx(last[name].mean())
+        assert check.standard_error == pytest.approx(last[name].sem())
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(CONTENT))
+    out = command(
+        "calibrate", record, "--config", tmp_path / "own.yaml", "--out", tmp_path
+    ).out
+    says(out, "rape_seed: targets met. angle_deg ", "Simulated again:\n  angle_deg: ")
+    made = card.read_card(tmp_path / "card.json")
+    assert (made["met"], made["tests"][0]["runs"]) == (True, len(following))
+    assert made["probability_inside"] > 0.95
+    text = (tmp_path / "report.html").read_text()
+    says(text, "<b>Targets met.</b>", f"judged by {len(following)} new simulations")
+    command("card", "check", tmp_path / "card.json", status=0)
 
 
 @pytest.mark.usefixtures("short_search")

@@ -4,8 +4,8 @@ import io
 import os
 from datetime import date
 
-from repose.calibrate.answer import WITHIN_COLUMNS
 from repose.calibrate.calibration import Calibration
+from repose.calibrate.runs import name_error_column
 from repose.common import provenance
 from repose.common.files import convert_to_path
 from repose.report.figures import own, style
@@ -35,16 +35,17 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """
     out_path = convert_to_path("path", out_path)
     study = calibration.study
-    # The probabilities of single targets are unknown, only that of all together.
-    probability: dict[str, float | None] = dict.fromkeys(study.targets.names)
-    probability["all"] = calibration.probability["inside"]
-    within = {
-        percent: calibration.probability[column]
-        for percent, column in WITHIN_COLUMNS.items()
-    }
+    result = calibration.as_answer()
     # The first row of the solutions is the answer. It is checked here in place of sets
     # that are simulated again.
     answer = calibration.solutions[:1].copy()
+    if calibration.check is not None:
+        means = calibration.summarise_check()
+        answer["n_seeds"] = means["n_seeds"]
+        answer["status"] = means["status"]
+        for response in study.targets.responses:
+            answer[response.simulated] = means[response.name]
+            answer[response.standard_error] = means[name_error_column(response.name)]
     for response in study.targets.responses:
         if response.name in calibration.optimism:
             optimism = calibration.optimism[response.name]
@@ -56,8 +57,8 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         targets=study.targets,
         parameters=study.parameters,
         answer_row=answer.iloc[0],
-        probability=probability,
-        probability_within=within,
+        probability=calibration.compute_target_probabilities(),
+        probability_within=result.within,
         posterior=calibration.posterior.parameters.set_index("parameter"),
         surrogate=calibration.model,
         solutions=calibration.solutions,
@@ -67,6 +68,9 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         date=date.today().isoformat(),
         origin=provenance.describe_machine(),
         files=_draw_figures(calibration),
+        runs_of_answer=[]
+        if calibration.check is None
+        else calibration.check.to_dict("records"),
         captions=captions.OWN_SIMULATOR_FIGURES,
     )
     tables = {
