@@ -264,7 +264,7 @@ def test_the_steps_say_how_large_the_search_was(tmp_path):
 
 def test_each_table_at_the_end_of_the_page_has_a_note_on_its_columns(tmp_path):
     rules = (ROOT / "workflow/rules/report.smk").read_text()
-    tables = rules.split("TABLES = drop_missing(")[1].partition("\n)")[0]
+    tables = rules.split("tables = drop_missing(")[1].partition("\n    )")[0]
     titles = set(re.findall(r'^ +"([A-Z][^"]*)": ', tables, re.MULTILINE))
     assert titles == set(captions.TABLE_NOTES)
     study = made_up_study(tmp_path, TARGETS)
