@@ -187,7 +187,8 @@ def outcome(number: int, folder: Path) -> Outcome:
         number,
         trouble(number),
         plain(drawn),
-        found.rejection_reason,
+        # the two sides of these piles are alike: where they differ, a line does not follow
+        found.rejection_reason or found.sides_warning,
         found.remarks,
         *missed,
     )

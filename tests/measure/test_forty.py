@@ -17,7 +17,7 @@ def errors(seeds, folder):
     for seed in seeds:
         found, (true, refitted, high) = forty.outcome(forty.Scene(seed), folder)
         assert refitted == pytest.approx(true, abs=0.1), "a fit of our own"
-        if found.measurement is not None and not found.warnings:
+        if found.measurement is not None and not found.doubts:
             missed[seed] = (
                 found.measurement.aor_deg - true,
                 found.measurement.height_mm - high,

@@ -1,6 +1,7 @@
 """Photographs that show no whole pile are refused, and none is ever written over."""
 
 import json
+import shutil
 import zlib
 
 import cv2
@@ -400,8 +401,40 @@ def test_a_doubtful_picture_counts_only_if_it_is_asked_for(tmp_path, measure, co
     printed = command(
         "measure", photographs[2], *options, "--out", tmp_path / "out"
     ).out
-    assert "doubtful photographs: 1, not in the mean; --doubtful counts them" in printed
+    assert (
+        "doubtful photographs left out: 1 of 1 (p2.png); --doubtful counts them"
+        in printed
+    )
     assert not (tmp_path / "out/targets.yaml").exists()
+
+
+def test_a_lopsided_pile_is_doubtful_and_counts_as_a_simulated_view_does(
+    tmp_path, measure, command
+):
+    """The sides of the second differ by 23 degrees; the third has a level top, too."""
+    photograph(tmp_path / "p0.png")
+    photograph(tmp_path / "p1.png", [(60, 299), (200, 140), (540, 299)])
+    level_top = [(60, 299), (140, 200), (300, 200), (540, 299)]
+    photograph(tmp_path / "p2.png", level_top)
+    options = [tmp_path / f"p{k}.png" for k in range(3)]
+    options += ["--mm-per-pixel", "0.5", "--grain-mm", "6"]
+    for more, number in (((), 2), (("--doubtful",), 3)):
+        record = json.loads(measure(*options, *more).out)
+        first, lopsided, level = record["photographs"]
+        assert first["note"] == ""
+        assert not lopsided["refused"]
+        assert lopsided["left_deg"] - lopsided["right_deg"] > 20
+        assert lopsided["note"].startswith("doubtful: the angles of the pile's two sid")
+        assert "its top is level; doubtful: the angles of the" in level["note"]
+        assert {row["repetitions"] for row in record["summary"]} == {number}
+    shutil.rmtree(tmp_path / "out")
+    printed = command("measure", *options, "--out", tmp_path / "out").out
+    assert (
+        "doubtful photographs in the mean: 1 of 3 (p1.png); only the two sides differ, "
+        "by more than 10 degrees\n"
+        "doubtful photographs left out: 1 of 3 (p2.png); --doubtful counts them\n"
+    ) in printed
+    assert printed.count("two sides differ by") == 2
 
 
 def test_hidden_pixels_get_the_colour_of_the_nearest_and_of_two_the_left_one():

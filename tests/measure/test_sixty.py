@@ -51,7 +51,7 @@ def test_all_sixty(tmp_path):
 def test_white_rice_before_grey_is_measured_by_its_roughness(tmp_path, monkeypatch):
     photograph = rice.measured(8103, tmp_path)
     assert (np.abs(rice.errors(8103, photograph)) < sixty.WRONG).all()
-    assert not photograph.warnings
+    assert not photograph.doubts
     find = finding.find_pile
     monkeypatch.setattr(
         finding, "find_pile", lambda view, _: find(view)
@@ -68,7 +68,7 @@ def test_all_twelve_of_rice(tmp_path):
     sure = [
         seed
         for seed, photograph in made.items()
-        if photograph.measurement and not photograph.warnings
+        if photograph.measurement and not photograph.doubts
     ]
     assert len(sure) >= 10
     errors = {seed: rice.errors(seed, made[seed]) for seed in sure}

@@ -134,8 +134,12 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
             )
             for scene, photograph_ in zip(same, found, strict=True):
                 seen = photograph_.measurement
-                if seen is None:
-                    missed[scene.seed % 1000] = photograph_.rejection_reason
+                # The two sides of each drawn pile are alike, so where they differ a
+                # line does not follow the pile.
+                if seen is None or photograph_.sides_warning:
+                    missed[scene.seed % 1000] = photograph_.remarks or (
+                        photograph_.rejection_reason
+                    )
                     continue
                 true = truth(scene, settings)
                 missed[scene.seed % 1000] = (

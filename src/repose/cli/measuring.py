@@ -106,8 +106,8 @@ EXPECTED_PILE = "a pile with two flanks, seen from the side"
     Option(
         "--doubtful",
         action="store_true",
-        help="include doubtful photographs in the mean and in the targets, and doubtful "
-        "files of particles in results.csv",
+        help="include all doubtful photographs in the mean and in the targets, not only "
+        "those whose two sides differ, and doubtful files of particles in results.csv",
     ),
     Option(
         "--unit",
@@ -670,8 +670,8 @@ def _measure_piles(
     _write_overlays(photographs, overlays)
     _require_measured_pile(photographs, overlays)
 
-    # Write and print the numbers. With --doubtful, doubtful photographs are included in
-    # the means.
+    # Write and print the numbers. With --doubtful, all doubtful photographs are included
+    # in the means.
     out = Path(args.out)
     results = make_tables(photographs, settings, args.doubtful)
     responses = _find_photographed_piles()[args.bench]

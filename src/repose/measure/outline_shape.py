@@ -1,13 +1,15 @@
-"""Measure how far the outline of a pile rises away from its crest, and falls at once.
+"""Find out whether the outline of a pile is that of a single pile.
 
-The outline of a single pile does neither. Photographs and simulated piles share these
-rules and their limits.
+The outline of a single pile neither rises away from its crest nor falls at once, and
+its two sides have similar angles. Photographs and simulated piles share these rules and
+their limits.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 # Begins each warning that a measured shape is not a single pile. A pile with such a
 # warning is called doubtful.
@@ -17,6 +19,29 @@ LARGEST_RISE_GRAINS = 1.5  # of the outline, away from the crest
 LARGEST_RISE_FRACTION = 0.12
 LARGEST_DROP_GRAINS = 2.0  # of the outline within half a grain
 LARGEST_DROP_FRACTION = 0.2
+LARGEST_SIDE_DIFFERENCE_DEG = 10.0  # of the angles of the two sides, in one view
+# Number of views of a simulated pile, and of those whose sides differ by more
+MEASURED_VIEWS = "measured_views"
+DOUBTFUL_VIEWS = "doubtful_views"
+
+
+def sides_differ(left_deg: ArrayLike, right_deg: ArrayLike) -> np.ndarray:
+    """Tell whether the angles of the two sides differ by more than the limit.
+
+    A photograph of such a pile is doubtful, and so is such a view of a simulated pile.
+    Both count in the mean, because leaving out lopsided piles would shift it.
+
+    Parameters
+    ----------
+    left_deg, right_deg : float or ndarray
+        Angles of the left and of the right side in degrees; NaN if not measured.
+
+    Returns
+    -------
+    ndarray
+        A boolean for each view, which is false if an angle was not measured.
+    """
+    return np.abs(np.subtract(left_deg, right_deg)) > LARGEST_SIDE_DIFFERENCE_DEG
 
 
 class PileSize(NamedTuple):

@@ -5,7 +5,8 @@ lens and the plate. Without it, the photograph must be level and free of distort
 the background must be plain. If no length is known either, only angles are measured.
 
 A photograph with a sign that it does not show a single pile is measured, but has a
-warning (`repose.measure.photographs.plausibility`). Worse signs reject it. The setting
+warning (`repose.measure.photographs.plausibility`). So has a photograph of a pile whose
+two sides have very different angles. Worse signs reject a photograph. The setting
 `berry_height_mm` is the height of a grain of any crop.
 """
 
@@ -28,6 +29,7 @@ from repose.measure.photographs.plausibility import (
     estimate_grain_mm,
     list_base_warnings,
     list_pile_warnings,
+    make_sides_warning,
     require_visible_foot,
 )
 from repose.measure.photographs.segmentation import (
@@ -51,7 +53,6 @@ FINE_PX = 1200  # of the view in which its boundary is found
 # larger grain would look smooth.
 LARGEST_ROUGH_GRAIN_PX = 8
 
-LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides of a pile
 LARGEST_FAINT_FRACTION = 0.2  # of the upper boundary
 SIDE_MARGIN = 1.3  # half the width of the fine view over the pile's
 TOP_MARGIN = 1.6  # height of the fine view over the pile's
@@ -128,7 +129,12 @@ class Photograph:
     note : str
         A warning about the numbers; may be empty.
     warnings : sequence of str
-        Signs that the photograph does not show a single pile.
+        Signs that the photograph does not show a single pile. By default, a photograph
+        with such a warning does not count in the mean.
+    sides_warning : str
+        A warning if the angles of the pile's two sides differ too much, else empty. It
+        does not exclude the photograph from the mean, because simulated views of this
+        kind count, too.
     """
 
     path: Path
@@ -139,6 +145,7 @@ class Photograph:
     geometry: dict[str, float] = field(default_factory=dict)
     note: str = ""
     warnings: Sequence[str] = ()
+    sides_warning: str = ""
 
     @property
     def mm_per_pixel(self) -> float:
@@ -146,10 +153,14 @@ class Photograph:
         return self.geometry.get("mm_per_pixel", 1.0)
 
     @property
+    def doubts(self) -> list[str]:
+        """All warnings. A photograph that has any is called doubtful."""
+        return [doubt for doubt in (*self.warnings, self.sides_warning) if doubt]
+
+    @property
     def remarks(self) -> str:
         """Note and warnings in one line."""
-        remarks = [self.note, *self.warnings]
-        return "; ".join(remark for remark in remarks if remark)
+        return "; ".join(remark for remark in (self.note, *self.doubts) if remark)
 
 
 class _Location(NamedTuple):
@@ -417,7 +428,7 @@ def _measure_with_sheet(
         _measure_in_pose(by_roughness, pose, settings, by_roughness=True)
     except NoFlankError:
         return by_colour
-    return by_colour if by_roughness.warnings else by_roughness
+    return by_colour if by_roughness.doubts else by_roughness
 
 
 def _measure_in_pose(
@@ -491,6 +502,7 @@ def _measure_in_pose(
     warnings += _list_boundary_warnings(faint_fraction)
     photograph.measurement = measurement
     photograph.warnings = warnings
+    photograph.sides_warning = make_sides_warning(measurement)
 
 
 def _require_camera_at_crest(look_down_deg: float) -> None:
@@ -660,20 +672,11 @@ def _measure_found_pile(
     Raises
     ------
     NoFlankError
-        If the response cannot be measured, or if the two sides of the pile have very
-        different angles.
+        If the response cannot be measured.
     """
     assert photograph.pile is not None
     scaled_settings = settings.with_scale(photograph.mm_per_pixel)
-    measurement = with_response(measure_segmented(photograph.pile, scaled_settings))
-    difference = abs(measurement.angle.left_deg - measurement.angle.right_deg)
-    if difference > LARGEST_DIFFERENCE_DEG:
-        raise NoFlankError(
-            f"the angles of the pile's two sides differ by {difference:.1f} degrees, "
-            f"more than the allowed {LARGEST_DIFFERENCE_DEG:g}: it is not a single "
-            "pile, or the background is not plain"
-        )
-    return measurement
+    return with_response(measure_segmented(photograph.pile, scaled_settings))
 
 
 def _resample_mask(
@@ -843,6 +846,7 @@ def _measure_level_photograph(
         warnings += list_base_warnings(image, pile, grain_mm / mm_per_pixel)
     photograph.measurement = measurement
     photograph.warnings = warnings
+    photograph.sides_warning = make_sides_warning(measurement)
 
 
 def _make_level(

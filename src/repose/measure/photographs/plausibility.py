@@ -1,8 +1,9 @@
 """Check whether a measured photograph plausibly shows a single pile.
 
 Each sign against it is a warning, a sentence for the user. A photograph with a warning
-is called doubtful: it is measured, but by default it does not count in the mean. Worse
-signs raise NoFlankError, which rejects the photograph.
+is called doubtful: it is measured, but by default it does not count in the mean. Only
+the warning that the two sides differ leaves it in the mean (`make_sides_warning`).
+Worse signs raise NoFlankError, which rejects the photograph.
 """
 
 import math
@@ -14,9 +15,11 @@ import numpy as np
 from repose.common.errors import NoFlankError
 from repose.measure.outline_shape import (
     DOUBTFUL,
+    LARGEST_SIDE_DIFFERENCE_DEG,
     PileSize,
     measure_drop,
     measure_rise,
+    sides_differ,
     split_sides,
 )
 from repose.measure.photographs import finding
@@ -118,6 +121,31 @@ def list_pile_warnings(
         warnings.append(f"{DOUBTFUL}: another pile stands beside it")
     warnings.append(_make_resolution_warning(measurement, mm_per_pixel))
     return [warning for warning in warnings if warning]
+
+
+def make_sides_warning(measurement: Measurement) -> str:
+    """Return a warning if the angles of the pile's two sides differ too much.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        Measurement of the photograph.
+
+    Returns
+    -------
+    str
+        The warning; empty if there is none. It does not exclude the photograph from the
+        mean, because lopsided piles also occur in simulations, and count there.
+    """
+    left_deg = measurement.angle.left_deg
+    right_deg = measurement.angle.right_deg
+    if not sides_differ(left_deg, right_deg):
+        return ""
+    return (
+        f"{DOUBTFUL}: the angles of the pile's two sides differ by "
+        f"{abs(left_deg - right_deg):.1f} degrees, more than "
+        f"{LARGEST_SIDE_DIFFERENCE_DEG:g}: it is lopsided, or the lines do not follow it"
+    )
 
 
 def _make_rise_warning(sides: Sequence[np.ndarray], size: PileSize) -> str:

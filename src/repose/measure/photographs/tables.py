@@ -15,6 +15,7 @@ from repose.common.files import write_table, write_text
 from repose.common.numbers import format_decimals
 from repose.common.target_range import compute_target_range
 from repose.measure.definitions import DEFINITIONS, MEAN_KEYS
+from repose.measure.outline_shape import LARGEST_SIDE_DIFFERENCE_DEG
 from repose.measure.photographs.photograph import Photograph
 from repose.measure.results import Measurement
 from repose.measure.settings import MeasureSettings, line_of
@@ -44,7 +45,8 @@ class Tables(NamedTuple):
         A row for each measured number, with the columns response (its name), value (the
         mean), sd (the standard deviation) and repetitions (the number of photographs).
     doubtful : bool
-        Whether the summary includes doubtful photographs, which have a warning.
+        Whether the summary includes all doubtful photographs. Otherwise it includes
+        only those whose single doubt is that the two sides of the pile differ.
     """
 
     photographs: pd.DataFrame
@@ -64,7 +66,8 @@ def make_tables(
     settings : MeasureSettings
         Settings of the measurement.
     doubtful : bool
-        Whether the summary includes doubtful photographs, which have a warning.
+        Whether the summary includes all doubtful photographs. Otherwise it includes
+        only those whose single doubt is that the two sides of the pile differ.
 
     Returns
     -------
@@ -312,7 +315,7 @@ def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]
     """List the notes on the numbers, each once and on its own line.
 
     There is a note if standard deviations are missing because there is a single pile.
-    The notes of the photographs follow, and then the number of doubtful photographs,
+    The notes of the photographs follow, and then the names of the doubtful photographs,
     which are those with a warning.
 
     Parameters
@@ -332,13 +335,49 @@ def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]
         lines.append(NO_SCATTER_NOTE)
     notes = {photograph.note for photograph in photographs if photograph.note}
     lines += sorted(f"note: {note}" for note in notes)
-    n_doubtful = sum(bool(photograph.warnings) for photograph in photographs)
-    if n_doubtful > 0:
-        if results.doubtful:
-            effect = "included in the mean"
-        else:
-            effect = "not in the mean; --doubtful counts them"
-        lines.append(f"doubtful photographs: {n_doubtful}, {effect}")
+    return lines + _list_doubtful(photographs, results.doubtful)
+
+
+def _list_doubtful(photographs: Sequence[Photograph], all_in_mean: bool) -> list[str]:
+    """Count and name the doubtful photographs in the mean, and those left out of it.
+
+    Parameters
+    ----------
+    photographs : sequence of Photograph
+        The measured and the rejected photographs.
+    all_in_mean : bool
+        Whether the mean includes all doubtful photographs. Otherwise it includes only
+        those whose single doubt is that the two sides of the pile differ.
+
+    Returns
+    -------
+    list of str
+        At most two lines.
+    """
+    in_mean: list[str] = []
+    left_out: list[str] = []
+    for photograph in photographs:
+        if not photograph.doubts:
+            continue
+        is_in_mean = all_in_mean or not photograph.warnings
+        (in_mean if is_in_mean else left_out).append(photograph.path.name)
+    lines = []
+    if in_mean:
+        reason = (
+            ""
+            if all_in_mean
+            else f"; only the two sides differ, by more than "
+            f"{LARGEST_SIDE_DIFFERENCE_DEG:g} degrees"
+        )
+        lines.append(
+            f"doubtful photographs in the mean: {len(in_mean)} of {len(photographs)} "
+            f"({', '.join(in_mean)}){reason}"
+        )
+    if left_out:
+        lines.append(
+            f"doubtful photographs left out: {len(left_out)} of {len(photographs)} "
+            f"({', '.join(left_out)}); --doubtful counts them"
+        )
     return lines
 
 
@@ -364,7 +403,7 @@ def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
             text = f"refused: {photograph.rejection_reason}"
         else:
             numbers = _describe_measurement(photograph.measurement)
-            text = "; ".join([*numbers, *photograph.warnings])
+            text = "; ".join([*numbers, *photograph.doubts])
         lines.append(f"{photograph.path.name:<{name_width}}  {text}")
     return lines
 
