@@ -1,5 +1,7 @@
 """Files of particles that are no single pile: refused, doubtful or with a note."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -143,6 +145,9 @@ def test_a_doubtful_pile_is_left_out_of_the_results(tmp_path, command):
     given = ("--runs", runs, "--out", tmp_path, "--grain-mm", 10)
     text = command("measure", *files, *given).out
     assert "  doubtful: its views have angles" in text
+    assert re.search(
+        r"  note: \d+ of 18 side views have two sides that differ by", text
+    )
     assert "doubtful piles: 1, not in results.csv; --doubtful counts them" in text
     notes = pd.read_csv(tmp_path / "piles.csv", keep_default_na=False)["note"]
     assert notes[0] == ""

@@ -80,6 +80,7 @@ def test_a_job_holds_every_response_of_every_run(saved):
         assert run["aor_deg"] == run["aor_flank_deg"] == pytest.approx(30, abs=4)
         assert run["height_view_mm"] == pytest.approx(run["height_mm"], abs=0.5)
         assert run["discharge_s"] == 16.0
+        assert 0 <= run["doubtful_views"] <= run["measured_views"] <= 18
     assert jammed["status"] == "jammed"
     assert jammed["reason"] == "9 berries in the funnel"
     expected = [None] * len(funnel.BASIC_NUMBERS)
@@ -100,8 +101,10 @@ def test_another_response_measures_the_same_piles_again(saved, name):
         "runs"
     ][0]
     assert after["aor_deg"] == before[MEAN_KEYS[name]]
-    expected = {k: v for k, v in before.items() if k != "aor_deg"}
-    assert {k: v for k, v in after.items() if k != "aor_deg"} == expected
+    # The sides of a view are those of the response's line.
+    of_response = ("aor_deg", "measured_views", "doubtful_views")
+    expected = {k: v for k, v in before.items() if k not in of_response}
+    assert {k: v for k, v in after.items() if k not in of_response} == expected
 
 
 def test_a_definition_may_fail_where_it_is_not_the_response(saved):

@@ -217,6 +217,8 @@ def test_failed_runs_of_the_answer_are_explained_in_words(tmp_path):
     n_runs = len(job["runs"])
     job["runs"][0] |= {"status": "not_at_rest", "reason": "a grain moved 4 mm"}
     job["runs"][1] |= {"overlap_share": 0.12}
+    for run in job["runs"]:
+        run |= {"measured_views": 18, "doubtful_views": 2}
     jobs[0].write_text(json.dumps(job))
     table = pd.read_csv(files["dataset"])
     table["reason"] = "1 of 6 runs not_at_rest (a grain moved 4 mm)"
@@ -227,6 +229,8 @@ def test_failed_runs_of_the_answer_are_explained_in_words(tmp_path):
         text,
         f"Of these {n_runs} simulations, 1 {clause}.",
         "In these simulations bodies overlap by up to 12 %",
+        f"Of these piles, {2 * (n_runs - 1)} of {18 * (n_runs - 1)} side views have two "
+        "sides that differ by more than 10 degrees; they count.",
         f"1 of 6 runs {clause} (a grain moved 4 mm)",
         "60 of 60 samples can be used; none left out. 178 of 180 single runs can be "
         "measured; 2 failed because grains got stuck on their way out.",

@@ -111,6 +111,26 @@ def test_run_writes_tables_and_counts(study):
     )
 
 
+def test_side_views_are_counted_over_the_good_runs_that_have_them(study):
+    """Runs that were measured by an earlier version have no numbers of views."""
+    folder, paths = study
+    for number, path in enumerate(paths[:2]):
+        job = json.loads(path.read_text())
+        for run in job["runs"]:
+            run |= {"measured_views": 6, "doubtful_views": number + 1}
+        path.write_text(json.dumps(job))
+    summary = write(folder / "samples.csv", paths, folder / "out")
+    runs = pd.read_csv(folder / "out/runs.csv")
+    assert list(runs.columns)[-2:] == ["measured_views", "doubtful_views"]
+    assert runs["doubtful_views"].sum() == 3 * 1 + 3 * 2
+    # three good runs of the first sample, two of the second
+    assert (summary["measured_views"], summary["doubtful_views"]) == (30, 7)
+    assert summary["text"].endswith(
+        " 7 of 30 side views have two sides that differ by more than 10 degrees; they "
+        "count."
+    )
+
+
 def edit(path, change):
     job = json.loads(path.read_text())
     change(job)

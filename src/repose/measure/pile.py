@@ -239,6 +239,7 @@ def measure_profiles(
     """
     # An angle is NaN in a view in which it cannot be measured.
     angles = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
+    sides_deg = np.full((settings.views, 2), np.nan)
     heights_mm = np.full(settings.views, np.nan)
     first_reasons: dict[str, str] = {}
     for view, (profile, crest) in enumerate(profiles):
@@ -246,6 +247,9 @@ def measure_profiles(
         measured, reasons = measure_sides(profile, crest, settings)
         for name, angle in measured.items():
             angles[name][view] = angle.angle_deg
+        if settings.response in measured:
+            _, left, right = measured[settings.response]
+            sides_deg[view] = left.angle_deg, right.angle_deg
         # Add the reasons of this view. The right operand of | takes precedence, so the
         # reason of an earlier view is kept.
         first_reasons = reasons | first_reasons
@@ -254,6 +258,7 @@ def measure_profiles(
         height_mm=1e3 * height_m,
         view_height_mm=heights_mm,
         aor=angles,
+        sides_deg=sides_deg,
         reasons=first_reasons,
     )
 

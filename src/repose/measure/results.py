@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from repose.measure.definitions import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
+from repose.measure.outline_shape import DOUBTFUL_VIEWS, MEASURED_VIEWS, sides_differ
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class PileResult:
     height_mm: float  # exact, from the bodies themselves
     view_height_mm: np.ndarray  # (V,), of the silhouettes
     aor: dict  # angles of repose (V,) [degrees] by definition, NaN if not measured
+    sides_deg: np.ndarray  # (V, 2), left and right angle by the response's definition
     reasons: dict  # by definition: the reason in the first view without it
 
     def mean_deg(self, name: str) -> float | None:
@@ -86,10 +88,25 @@ class PileResult:
         """The angle of repose; None if the response could not be measured."""
         return self.mean_deg(self.response)
 
+    @property
+    def n_measured_views(self) -> int:
+        """Number of views in which the response could be measured."""
+        return int(np.isfinite(self.aor[self.response]).sum())
+
+    @property
+    def n_doubtful_views(self) -> int:
+        """Number of views whose two sides have very different angles.
+
+        These views count in the means, as such photographs do.
+        """
+        left_deg, right_deg = self.sides_deg.T
+        return int(sides_differ(left_deg, right_deg).sum())
+
     def record(self) -> dict[str, float | None]:
         """List all responses of the pile by name; None if not measured.
 
-        These are the means over all views, and the values in the first view.
+        These are the means over all views, and the values in the first view. The
+        numbers of measured and of doubtful views follow.
         """
         record: dict[str, float | None] = {
             "aor_deg": self.aor_deg,
@@ -100,6 +117,8 @@ class PileResult:
             record[MEAN_KEYS[name]] = self.mean_deg(name)
         for name in DEFINITIONS:
             record[VIEW_KEYS[name]] = _finite_or_none(self.aor[name][0])
+        record[MEASURED_VIEWS] = self.n_measured_views
+        record[DOUBTFUL_VIEWS] = self.n_doubtful_views
         return record
 
 

@@ -24,12 +24,19 @@ from repose.common.errors import InputError
 from repose.common.files import StrPath, read_json, write_json, write_table
 from repose.common.statuses import describe_failures
 from repose.measure.angles import CALIBRATED_ANGLE
+from repose.measure.outline_shape import (
+    DOUBTFUL_VIEWS,
+    LARGEST_SIDE_DIFFERENCE_DEG,
+    MEASURED_VIEWS,
+)
 from repose.measure.settings import MeasureSettings, line_of
 from repose.stages.parameter_sets import list_parameters, read_samples
 from repose.stages.settings import RUN_STATUSES
 
 RUN_COLUMNS = ("seed", "status", "reason")
 STATUS_COLUMNS = ("status", "reason", "n_seeds")
+# Numbers of views, which the table of runs has for piles
+VIEW_COLUMNS = (MEASURED_VIEWS, DOUBTFUL_VIEWS)
 # A measured restitution may lie slightly above its limit of 1.
 ROUNDING_FACTOR = 1.01
 # The parameters of a sample may be rounded differently in the file of a job and in the
@@ -130,7 +137,8 @@ def count_by_status(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]
     -------
     dict
         Numbers of samples and of runs, in total and by status; ``reasons``, the reasons
-        why samples are left out; and ``text``, the sentence.
+        why samples are left out; and ``text``, the sentence. If the runs are piles, it
+        also has the numbers of `count_views`.
     """
     samples_by_status = dict(Counter(dataset["status"]).most_common())
     runs_by_status = dict(Counter(runs["status"]).most_common())
@@ -138,6 +146,7 @@ def count_by_status(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]
     n_runs_ok = runs_by_status.get("ok", 0)
 
     left_out = dataset[dataset["status"] != "ok"]
+    views = count_views(runs.to_dict("records"))
     return {
         "samples": len(dataset),
         "ok": n_ok,
@@ -147,25 +156,78 @@ def count_by_status(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]
         "runs": len(runs),
         "runs_ok": n_runs_ok,
         "runs_by_status": runs_by_status,
-        "text": describe_counts(samples_by_status, runs_by_status),
+        **views,
+        "text": describe_counts(samples_by_status, runs_by_status, views),
     }
 
 
-def describe_counts(samples: Mapping[str, int], runs: Mapping[str, int]) -> str:
+def count_views(runs: Iterable[Mapping[str, Any]]) -> dict[str, int]:
+    """Count the side views of simulated piles, and those that are doubtful.
+
+    Parameters
+    ----------
+    runs : iterable of mapping
+        Measured runs.
+
+    Returns
+    -------
+    dict
+        The numbers by the names in `VIEW_COLUMNS`, over all good runs that have them.
+        It is empty if there is no such run.
+    """
+    # In the table of runs, a run of another bench test has empty cells.
+    counted_runs = [
+        run
+        for run in runs
+        if run["status"] == "ok"
+        and all(math.isfinite(run.get(name, math.nan)) for name in VIEW_COLUMNS)
+    ]
+    if not counted_runs:
+        return {}
+    return {name: int(sum(run[name] for run in counted_runs)) for name in VIEW_COLUMNS}
+
+
+def describe_views(views: Mapping[str, int]) -> str:
+    """Describe how many side views of simulated piles are doubtful.
+
+    `views` is the result of `count_views`. The text is empty if it has no numbers.
+    """
+    if MEASURED_VIEWS not in views:
+        return ""
+    return (
+        f"{views[DOUBTFUL_VIEWS]} of {views[MEASURED_VIEWS]} side views have two sides "
+        f"that differ by more than {LARGEST_SIDE_DIFFERENCE_DEG:g} degrees; they count."
+    )
+
+
+def describe_counts(
+    samples: Mapping[str, int], runs: Mapping[str, int], views: Mapping[str, int]
+) -> str:
     """Describe how many samples and runs can be used, and why the others cannot.
 
-    `samples` and `runs` are the numbers of samples and of runs by their status.
+    Parameters
+    ----------
+    samples, runs : mapping
+        Numbers of samples and of runs by their status.
+    views : mapping
+        A mapping with the numbers of `count_views`, if the runs are piles.
+
+    Returns
+    -------
+    str
+        Two or three sentences.
     """
     left_out = {status: count for status, count in samples.items() if status != "ok"}
     failed = {status: count for status, count in runs.items() if status != "ok"}
     left_out_text = describe_failures(left_out, "left out") or "none left out"
     failed_text = describe_failures(failed, "failed") or "none failed"
-    return (
+    text = (
         f"{samples.get('ok', 0)} of {sum(samples.values())} samples can be used; "
         f"{left_out_text}. "
         f"{runs.get('ok', 0)} of {sum(runs.values())} single runs can be measured; "
         f"{failed_text}."
     )
+    return f"{text} {describe_views(views)}".rstrip()
 
 
 def write_dataset(
@@ -525,4 +587,5 @@ def _tabulate_runs(
     for sample, bench_test in product(samples, targets.apparatus):
         for run in jobs[bench_test][sample]["runs"]:
             rows.append({"sample": sample, "apparatus": bench_test, **run})
+    columns += [name for name in VIEW_COLUMNS if any(name in row for row in rows)]
     return pd.DataFrame(rows, columns=_drop_repeated(columns))

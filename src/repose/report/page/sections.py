@@ -56,7 +56,7 @@ from repose.report.page.verdict import (
 )
 from repose.report.study_view import parameter_ranges
 from repose.stages.card import read_card as read_card
-from repose.stages.dataset import describe_counts
+from repose.stages.dataset import count_views, describe_counts, describe_views
 from repose.stages.published import REPRESENTATIVE
 
 # The last step of a study whose runs another program made
@@ -109,6 +109,7 @@ class CheckSection:
     has_simulations: bool  # whether the answer was simulated again
     failures: str  # of these simulations; empty without any
     overlaps: str  # a warning of deep overlaps in them
+    views: str  # how many of their side views are doubtful; empty without piles
     angle_definitions: Table | None
     has_view: bool  # whether there is a 3-D view of the pile
     pile_pictures: list[EmbeddedPicture]
@@ -518,6 +519,7 @@ def make_check_section(results: Results) -> CheckSection:
         has_simulations=results.get_number("n_seeds") is not None,
         failures=_describe_failures(results),
         overlaps=describe_overlaps(results.runs_of_answer),
+        views=describe_views(count_views(results.runs_of_answer)),
         angle_definitions=_make_table_of_angle_definitions(results),
         has_view="trajectory" in results.files,
         pile_pictures=embed_captioned_pictures(results.files, captions.PILE_PICTURES),
@@ -993,7 +995,9 @@ def _list_strategy_steps(results: Results) -> list[str]:
     # Check that the file contains these keys, with values of these types.
     keys = {"by_status": dict, "runs_by_status": dict}
     simulated = read_json(results.files["dataset_summary"], keys)
-    counts = describe_counts(simulated["by_status"], simulated["runs_by_status"])
+    counts = describe_counts(
+        simulated["by_status"], simulated["runs_by_status"], views=simulated
+    )
     steps = []
     if results.settings is not None:
         steps.append(_describe_design(results, results.settings.design))
