@@ -170,8 +170,30 @@ def test_what_is_no_whole_pile_is_refused_and_shown(
     photograph(tmp_path / "pile.png", corners, background)
     message = measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3, status=2).err
     assert reason in message
-    assert "out/pile.png shows the part taken for the pile" in message
+    assert "out/pile.png shows what was found" in message
     assert (tmp_path / "out/pile.png").is_file()
+
+
+def test_a_missing_scale_and_the_fault_of_the_pile_have_a_line_each(
+    tmp_path, measure, command
+):
+    """The camera looks down on the pile."""
+    corners = [(60, 200), (300, 100), (540, 200), (300, 290)]
+    photograph(tmp_path / "pile.png", corners)
+    scale, pile_fault = measure(tmp_path / "pile.png", status=2).err.splitlines()
+    assert scale.endswith(
+        "pile.png: scale is 'unknown'; expected the printed sheet in the picture, "
+        "--mm-per-pixel or --length"
+    )
+    says(pile_fault, "pile is ", "below its widest row", "looks down")
+    assert "sheet" not in pile_fault
+    assert pile_fault.count(";") == 1
+    # Beside a photograph that is measured, each reason has a line, too.
+    photograph(tmp_path / "good.png")
+    both = (tmp_path / "pile.png", tmp_path / "good.png", "--out", tmp_path / "out")
+    first, second, *_ = command("measure", *both).out.splitlines()
+    assert first.startswith("pile.png  refused: the printed sheet is not seen")
+    assert second.startswith("pile.png  refused: the pile's lowest row lies")
 
 
 @pytest.mark.parametrize("scale", ["1e9", "0", "-1", "nan", "inf", "1e-9"])

@@ -168,7 +168,7 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
 def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, reason):
     photograph = measured(tmp_path, Scene(**SMALL | change))
     assert photograph.measurement is None
-    assert reason in photograph.rejection_reason
+    assert reason in photograph.all_rejection_reasons[0]
 
 
 def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):

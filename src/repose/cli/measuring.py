@@ -46,6 +46,7 @@ RESULTS_TABLE_FILE = "results.csv"
 # Table of the median profile of the bed in a turning drum.
 PROFILE_TABLE_FILE = "profile.csv"
 EXPECTED_PILE = "a pile with two flanks, seen from the side"
+SCALES = "the printed sheet in the picture, --mm-per-pixel or --length"
 
 
 @subcommand(
@@ -720,19 +721,28 @@ def _require_measured_pile(
 ) -> None:
     """Raise an InputError unless some photograph has a pile that was measured.
 
-    The message has the reason for each photograph.
+    The message has a line for each reason to reject a photograph. A missing scale comes
+    before the fault of the pile, because it may be the cause.
     """
     if any(photograph.measurement is not None for photograph in photographs):
         return
-    raise_together(
-        InputError(
-            photograph.path,
-            key="pile",
-            value=photograph.rejection_reason,
-            allowed=f"{EXPECTED_PILE}; {overlay} shows the part taken for the pile",
-        )
-        for photograph, overlay in zip(photographs, overlays, strict=True)
-    )
+    faults = []
+    for photograph, overlay in zip(photographs, overlays, strict=True):
+        if photograph.lacks_scale:
+            faults.append(
+                InputError(
+                    photograph.path, key="scale", value="unknown", allowed=SCALES
+                )
+            )
+        if photograph.rejection_reason:
+            fault = InputError(
+                photograph.path,
+                key="pile",
+                value=photograph.rejection_reason,
+                allowed=f"{EXPECTED_PILE} ({overlay} shows what was found)",
+            )
+            faults.append(fault)
+    raise_together(faults)
 
 
 def _measure_beds(

@@ -61,8 +61,7 @@ TOP_MARGIN = 1.6  # height of the fine view over the pile's
 LARGEST_HIDDEN_FRACTION = 0.03
 
 NO_SHEET_REASON = (
-    "the printed sheet is not seen; without one the scale is given by --mm-per-pixel "
-    "or --length"
+    "the printed sheet is not seen, and neither --mm-per-pixel nor --length is given"
 )
 NO_LENGTH_NOTE = (
     "no length is known, so there are angles alone, without Height and secant; the "
@@ -122,7 +121,10 @@ class Photograph:
     measurement : Measurement, optional
         The measurement of the pile; None if the photograph was rejected.
     rejection_reason : str
-        The reason why the photograph was rejected; empty if it was not.
+        The reason why the pile was rejected; empty if it was not.
+    lacks_scale : bool
+        Whether the photograph was rejected and has no scale, because the printed sheet
+        is not seen and the user gave no scale.
     geometry : dict
         The scale ``mm_per_pixel``, if it is known. A photograph with a sheet also has
         ``tilt_deg`` and ``look_down_deg``.
@@ -142,6 +144,7 @@ class Photograph:
     pile: Segmentation | None = None
     measurement: Measurement | None = None
     rejection_reason: str = ""
+    lacks_scale: bool = False
     geometry: dict[str, float] = field(default_factory=dict)
     note: str = ""
     warnings: Sequence[str] = ()
@@ -151,6 +154,12 @@ class Photograph:
     def mm_per_pixel(self) -> float:
         """Its scale. If this is unknown, it is 1, so that lengths are in pixels."""
         return self.geometry.get("mm_per_pixel", 1.0)
+
+    @property
+    def all_rejection_reasons(self) -> list[str]:
+        """The reasons why the photograph was rejected, a missing scale first."""
+        reasons = [NO_SHEET_REASON if self.lacks_scale else "", self.rejection_reason]
+        return [reason for reason in reasons if reason]
 
     @property
     def doubts(self) -> list[str]:
@@ -344,7 +353,7 @@ def measure_photographs(
         image, _ = read_photograph(path)
         corners = sheets[path]
         if corners is None:
-            result = Photograph(path, image, rejection_reason=NO_SHEET_REASON)
+            result = Photograph(path, image, lacks_scale=True)
         else:
             size = (image.shape[1], image.shape[0])
             result = _measure_with_sheet(path, image, corners, cameras[size], settings)
@@ -774,8 +783,7 @@ def measure_without_sheet(
     # An InputError is possible, too, for example if the base lies below the picture.
     except (NoFlankError, InputError) as error:
         photograph.rejection_reason = str(error)
-        if scale.mm_per_pixel is None:
-            photograph.rejection_reason += f"; {NO_SHEET_REASON}"
+        photograph.lacks_scale = scale.mm_per_pixel is None
     # Remove a height in pixels, which users would mistake for millimetres.
     if photograph.measurement is not None and scale.mm_per_pixel is None:
         photograph.measurement = replace(photograph.measurement, height_mm=math.nan)

@@ -31,9 +31,8 @@ BASE_ROW_ADVICE = "give --base-row, the row of the plate, or show the printed sh
 # Reason why a base is rejected. `part` is the part of the pile above the lowest row.
 LOW_BASE_REASON = (
     "the pile's lowest row lies {depth:.1%} of its height below its {part}: there is a "
-    "shadow at the foot, or the camera looks down on the pile or is rolled (--length "
-    "makes a line level); "
-    f"{BASE_ROW_ADVICE}"
+    "shadow at the foot (give --base-row), or the camera looks down or is rolled (give "
+    "--length)"
 )
 
 MIN_HEIGHT_PX = 80  # of a pile: the angle of a lower one is off by up to 1.5 degrees

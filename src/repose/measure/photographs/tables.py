@@ -105,7 +105,7 @@ def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, An
     for name, value in photograph.geometry.items():
         row[name] = round(value, DECIMALS_OF_GEOMETRY)
     row["grain_mm"] = settings.berry_height_mm
-    row["refused"] = photograph.rejection_reason
+    row["refused"] = "; ".join(photograph.all_rejection_reasons)
     row["note"] = photograph.remarks
     return row
 
@@ -382,7 +382,7 @@ def _list_doubtful(photographs: Sequence[Photograph], all_in_mean: bool) -> list
 
 
 def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
-    """Describe each photograph on one line: its numbers, or why it was rejected.
+    """Describe each photograph: its numbers, or a line for each reason to reject it.
 
     Names are padded with spaces, so that the descriptions are aligned.
 
@@ -400,11 +400,12 @@ def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
     lines = []
     for photograph in photographs:
         if photograph.measurement is None:
-            text = f"refused: {photograph.rejection_reason}"
+            texts = [f"refused: {text}" for text in photograph.all_rejection_reasons]
         else:
             numbers = _describe_measurement(photograph.measurement)
-            text = "; ".join([*numbers, *photograph.doubts])
-        lines.append(f"{photograph.path.name:<{name_width}}  {text}")
+            texts = ["; ".join([*numbers, *photograph.doubts])]
+        for text in texts:
+            lines.append(f"{photograph.path.name:<{name_width}}  {text}")
     return lines
 
 
