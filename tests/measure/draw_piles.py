@@ -5,6 +5,8 @@ In a crop's folder, where config.yaml and sizes.csv are filled in but for the ta
 """
 
 import argparse
+import contextlib
+import io
 import json
 import tempfile
 from pathlib import Path
@@ -32,6 +34,7 @@ NO_TARGET = {
     "range": [1.0, 99.0],
 }
 FIRST_SEED = 2001
+SIZE = (1600, 1200)  # of a photograph: each pile is more than 80 pixels high
 # blue first
 TABLE = (140, 142, 145)
 WALL = (170, 105, 55)
@@ -47,19 +50,10 @@ def pour(config: str, count: int) -> tuple[dict, np.lib.npyio.NpzFile]:
         path.write_text(yaml.safe_dump(crop))
         options = [f"--set={name}={value}" for name, value in HIDDEN.items()]
         options += [f"--seed={seed}" for seed in range(FIRST_SEED, FIRST_SEED + count)]
-        status = repose(
-            [
-                "stage",
-                "pour",
-                "--apparatus",
-                "funnel",
-                "--config",
-                str(path),
-                *options,
-                "--out",
-                folder,
-            ]
-        )
+        arguments = ["stage", "pour", "--apparatus", "funnel", "--config", str(path)]
+        # The stage prints the path of its file, which lies in the temporary folder.
+        with contextlib.redirect_stdout(io.StringIO()):
+            status = repose([*arguments, *options, "--out", folder])
         if status:
             raise SystemExit(status)
         record = json.loads((Path(folder) / "heap.pours.json").read_text())
@@ -91,8 +85,8 @@ def scene(crop: str, arrays: dict, number: int) -> Scene:
         ),
         aim=(0.5 * (half + 60 + left), 0, 50),
         rotation=(0.0, 0.0, rng.uniform(-4, 4)),
-        size=(1280, 960),
-        focal=0.9 * 1280,
+        size=SIZE,
+        focal=0.9 * SIZE[0],
         uneven=rng.uniform(0, 0.4),
         sheet_left=left,
         simulated_grains=(

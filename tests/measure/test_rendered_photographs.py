@@ -58,6 +58,24 @@ def test_the_photographs_of_the_tutorial_show_the_simulated_grains():
     assert len(shown.loose_grains[0]) == 0
 
 
+def test_the_piles_of_the_tutorial_are_poured_in_silence(tmp_path, monkeypatch, capsys):
+    """The file of the pour lies in a folder that is removed, so its path is no use."""
+    (tmp_path / "config.yaml").write_text("label: pea\n")
+
+    def pour(arguments):
+        folder = Path(arguments[-1])
+        (folder / "heap.pours.json").write_text('{"pours": []}')
+        np.savez(folder / "heap.npz", position_2001=np.zeros((1, 3)))
+        print(folder / "heap.pours.json")
+        return 0
+
+    monkeypatch.setattr(draw_piles, "repose", pour)
+    record, arrays = draw_piles.pour(tmp_path / "config.yaml", count=1)
+    assert record == {"pours": []}
+    assert list(arrays) == ["position_2001"]
+    assert capsys.readouterr().out == ""
+
+
 def views_of(lens, count, rng):
     """The corners of the sheet as a known camera shows them, in all parts of its picture."""
     matrix = np.array([[1300.0, 0, 799.5], [0, 1300, 599.5], [0, 0, 1]])
