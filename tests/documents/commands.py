@@ -8,9 +8,14 @@ study as `NAME`" or "Save the following as `NAME`" is written to that file. The 
 after another, in a folder of their own: an empty one, or a copy of the checkout with a small configuration, which the
 pages that are `in: checkout` share. The commands in the copy run the program of the copy, as those in a checkout do, so
 that its small configuration is the built-in one, and no study of another grain is read over it.
+
+`printed` of a page in `commands.yaml` names commands whose output the page shows, and a pattern of the lines that it
+shows. The fenced block `text` behind such a command holds these lines. `--all` compares them with what the command
+prints, and `--all --draw` writes them.
 """
 
 import argparse
+import math
 import os
 import re
 import shlex
@@ -19,7 +24,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import yaml
@@ -63,6 +68,9 @@ INDENTED = re.compile(r"^ {4,}(\S.*)$")
 # Its status says whether the targets are met. Those of a small run may be not met (3) or undecided (4).
 ASKS = "repose card check "
 SAVED = re.compile(r"[Ss]ave (?:this|the)\b[^`.]* as `([^`]+)`")
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
+# Another processor pours slightly different piles, so that numbers of a few piles may differ by this fraction, or this much.
+TOLERANCE = {"rel_tol": 0.4, "abs_tol": 5.0}
 # Sections of config/quick.yaml that make the studies small; .test/config/config.yaml makes the calibration small.
 STUDIES = (
     "posterior",
@@ -121,6 +129,52 @@ def kind(entry: dict, command: str) -> str:
     raise KeyError(command)
 
 
+def find_printed(text: str, commands: Iterable[str]) -> dict[str, tuple[int, int]]:
+    """First and last line, as a slice, inside the block `text` behind each of these commands of a page."""
+    lines = text.splitlines()
+    found = {}
+    for command in commands:
+        start = lines.index("```text", lines.index(f"    {command}")) + 1
+        found[command] = start, lines.index("```", start)
+    return found
+
+
+def show_printed(text: str, shown: dict[str, list[str]]) -> str:
+    """The text of a page whose blocks hold these lines, by command."""
+    lines = text.splitlines()
+    places = find_printed(text, shown)
+    # From the last block on, so that the line numbers of the blocks before it hold.
+    for command in sorted(shown, key=places.get, reverse=True):
+        start, end = places[command]
+        lines[start:end] = shown[command]
+    return "\n".join([*lines, ""])
+
+
+def agree(line: str, other: str) -> bool:
+    """Whether two printed lines have the same words, and numbers that another processor may give."""
+    # Spaces that align columns depend on the width of the numbers.
+    line, other = (" ".join(text.split()) for text in (line, other))
+    if NUMBER.split(line) != NUMBER.split(other):
+        return False
+    pairs = zip(NUMBER.findall(line), NUMBER.findall(other), strict=True)
+    return all(math.isclose(float(a), float(b), **TOLERANCE) for a, b in pairs)
+
+
+def compare_printed(page: str, shown: dict[str, list[str]]) -> None:
+    """SystemExit where a page shows other lines than its commands print."""
+    text = (ROOT / page).read_text()
+    for command, (start, end) in find_printed(text, shown).items():
+        lines = text.splitlines()[start:end]
+        same = len(lines) == len(shown[command]) and all(
+            map(agree, lines, shown[command])
+        )
+        if not same:
+            printed = "\n".join(shown[command])
+            sys.exit(
+                f"{page}: `{command}` prints otherwise; --all --draw writes it:\n{printed}"
+            )
+
+
 def script(page: str, entry: dict, everything: bool) -> str:
     """The shell script of a page: files and commands in their order; empty where there is nothing to run."""
     chosen = ("quick", "full") if everything else ("quick",)
@@ -134,10 +188,12 @@ def script(page: str, entry: dict, everything: bool) -> str:
                 f"mkdir -p {Path(what).parent}; cat > {what} <<'END_OF_FILE'\n{text}END_OF_FILE"
             )
         elif kind(entry, text) in chosen:
-            lines += [
-                f"echo {shlex.quote('+ ' + text)}",
-                f"{text} || [[ $? =~ ^[34]$ ]]" if text.startswith(ASKS) else text,
-            ]
+            run_line = (
+                f"{text} || [[ $? =~ ^[34]$ ]]" if text.startswith(ASKS) else text
+            )
+            if everything and text in (entry.get("printed") or {}):
+                run_line = f"{text} 2>&1 | tee {place_of_output(page, entry, text)}"
+            lines += [f"echo {shlex.quote('+ ' + text)}", run_line]
             commands += 1
     if not commands:
         return ""
@@ -185,6 +241,22 @@ def run(page: str, text: str, folder: Path) -> float:
     return time.perf_counter() - began
 
 
+def place_of_output(page: str, entry: dict, command: str) -> str:
+    """File for the output of a command, as a word of the page's script."""
+    number = list(entry["printed"]).index(command)
+    return f'"$page"/{Path(page).stem}_{number}.printed'
+
+
+def read_printed(page: str, entry: dict, folder: Path) -> dict[str, list[str]]:
+    """The lines that a page shows of what its commands have printed, by command."""
+    shown = {}
+    for number, (command, pattern) in enumerate((entry.get("printed") or {}).items()):
+        text = (folder / f"{Path(page).stem}_{number}.printed").read_text()
+        lines = text.splitlines()
+        shown[command] = [line for line in lines if re.search(pattern, line)]
+    return shown
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
@@ -199,7 +271,7 @@ def main() -> None:
     parser.add_argument(
         "--draw",
         action="store_true",
-        help="with --all: put the pictures of a page where it shows them",
+        help="with --all: put the pictures and the printed lines of a page where it shows them",
     )
     args = parser.parse_args()
     table = yaml.safe_load(TABLE.read_text())
@@ -226,6 +298,12 @@ def main() -> None:
                     shutil.copy(folder / made, ROOT / shown)
                 elif not (folder / made).is_file():
                     sys.exit(f"{page}: no {made} was made, which it shows as {shown}")
+            printed = read_printed(page, entry, folder) if args.all else {}
+            if args.draw:
+                content = show_printed((ROOT / page).read_text(), printed)
+                (ROOT / page).write_text(content)
+            elif printed:
+                compare_printed(page, printed)
 
 
 if __name__ == "__main__":

@@ -66,6 +66,52 @@ def test_files_commands_and_pictures_of_a_page_come_in_their_order():
             ] == [], page
 
 
+def test_the_folder_that_the_tutorial_makes_in_the_checkout_is_ignored():
+    page = (commands.ROOT / "docs/tutorials/own_crop.md").read_text()
+    (folder,) = re.findall(r"repose new (\S+)", page)
+    assert f"/{folder}/" in (commands.ROOT / ".gitignore").read_text().splitlines()
+
+
+def test_every_shown_output_has_its_block_and_its_lines():
+    pages = [page for page, entry in TABLE.items() if "printed" in entry]
+    assert pages
+    for page in pages:
+        printed = TABLE[page]["printed"]
+        assert set(printed) <= set(TABLE[page]["full"]), page
+        text = (commands.ROOT / page).read_text()
+        for command, (start, end) in commands.find_printed(text, printed).items():
+            lines = text.splitlines()[start:end]
+            assert lines, command
+            assert all(re.search(printed[command], line) for line in lines), command
+
+
+def test_what_a_command_prints_is_compared_and_written(tmp_path, monkeypatch):
+    page = PAGE + "\n    repose a\n\nIt prints\n\n```text\npile 25.1 deg, 3\n```\n"
+    (tmp_path / "page.md").write_text(page)
+    monkeypatch.setattr(commands, "ROOT", tmp_path)
+    commands.compare_printed("page.md", {"repose a": ["pile 24.8 deg, 3"]})
+    others = (["pile 45.1 deg, 3"], ["heap 25.1 deg, 3"], ["pile 25.1 deg, 3", "more"])
+    for other in others:
+        raised(
+            SystemExit,
+            "page.md: `repose a` prints otherwise",
+            commands.compare_printed,
+            "page.md",
+            {"repose a": other},
+        )
+        text = commands.show_printed(page, {"repose a": other})
+        assert text == page.replace("pile 25.1 deg, 3", "\n".join(other))
+
+    entry = {"full": ["cp a/b.txt c d"], "printed": {"cp a/b.txt c d": "^o"}}
+    entry["quick"] = ["repose a"]
+    text = commands.script("page.md", entry, everything=True)
+    assert 'cp a/b.txt c d 2>&1 | tee "$page"/page_0.printed\n' in text
+    assert "tee" not in commands.script("page.md", entry, everything=False)
+    (tmp_path / "page_0.printed").write_text("one\ntwo\n")
+    shown = commands.read_printed("page.md", entry, tmp_path)
+    assert shown == {"cp a/b.txt c d": ["one"]}
+
+
 @pytest.mark.parametrize(
     ("sentence", "names"),
     [
