@@ -171,7 +171,7 @@ OPTIONAL = (
     ),
     *(f"parameters.{name}" for name in LAW_PARAMETERS),
     *(setting.key for setting in COMPUTED_SETTINGS),
-    "berry.mean_size",  # absent in results of earlier versions
+    *("berry.mean_size", "note"),  # absent in results of earlier versions
 )
 
 

@@ -34,7 +34,10 @@ def test_submitting_takes_its_time_and_local_rules_and_other_jobs_are_no_cluster
         r"^ *localrules:\n((?: +\w+,\n)+)", SNAKEFILE.read_text(), re.MULTILINE
     )
     assert len(listed) == 3
-    assert set(re.findall(r"\w+", "".join(listed))) == overhead.LOCAL
+    # The card's rule is written once for several strategies, and says so itself.
+    report = (SNAKEFILE.parent / "rules" / "report.smk").read_text()
+    assert re.search(r"card\{of_strategy\}.*localrule: True", report, re.DOTALL)
+    assert {*re.findall(r"\w+", "".join(listed)), "card"} == overhead.LOCAL
     for name in ("heaps/001", "berry"):
         path = tmp_path / "results" / "benchmarks" / f"{name}.tsv"
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -264,7 +264,7 @@ BAD_VALUES = (
     ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
     ("berry.sizes", None, "a path"),
     ("label", "", "text of 1 to 60 characters"),
-    ("note", "", "text of 1 to 600 characters, or null"),
+    ("note", "", "text of 1 to 600 characters on one line, or null"),
     ("results_dir", "my results", "a folder"),
     ("results_dir", "results/../src", "without .."),
     ("results_dir", "resources/mine", "outside"),

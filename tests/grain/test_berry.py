@@ -274,7 +274,7 @@ def test_a_grain_of_axes_and_mass_is_written_and_said(tmp_path, capsys):
         f"--stl={tmp_path / 'a.stl'}",
     ]
     main(["stage", "berry", *arguments])
-    assert f"1200.0 mm3, {1200 / 20 / 12 / 9:.3f} of the box" in capsys.readouterr().out
+    assert f"1200 mm3, {1200 / 20 / 12 / 9:.3f} of the box" in capsys.readouterr().out
 
 
 def test_taper_and_wrinkles_keep_mass_and_axes():

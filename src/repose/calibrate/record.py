@@ -694,8 +694,8 @@ class Record:
         """
         with TemporaryDirectory() as folder:
             path = Path(folder) / "runs.csv"
-            content = table.to_csv(index=False).encode()
-            path.write_bytes(content)
+            table.to_csv(path, index=False)
+            content = path.read_bytes()
             try:
                 rows = read_rows(path, self.study)
                 data_of_file = checked_runs(self.study, rows, path, enough=False)

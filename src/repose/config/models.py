@@ -83,8 +83,8 @@ Colour = Annotated[
 ]
 Note = Annotated[
     str,
-    Field(min_length=1, max_length=600),
-    Allowed("text of 1 to 600 characters, or null"),
+    Field(max_length=600, pattern=r"^[^\r\n]+$"),
+    Allowed("text of 1 to 600 characters on one line, or null"),
 ]
 Number = Annotated[float, Field(ge=-MAX_SIZE, le=MAX_SIZE)]
 
