@@ -25,10 +25,37 @@ def test_each_text_stands_on_a_page():
 
 
 def test_the_paper_states_the_solutions_at_a_bound():
-    solutions = parameter_sets.DEFAULT.table(parameter_sets.DEFAULT.solutions)
-    at_bound = solutions["warning"].str.startswith("at a bound", na=False).sum()
+    at_bound, _, count = parameter_sets.solutions_at_bounds(parameter_sets.DEFAULT)
     paper = " ".join((parameter_sets.ROOT / "paper.md").read_text().split())
-    assert f"{at_bound} of the {len(solutions)} solutions" in paper
+    assert f"{at_bound} of the {count} solutions" in paper
+
+
+def test_the_paper_states_the_checks_and_the_samples():
+    paper = " ".join((parameter_sets.ROOT / "paper.md").read_text().split())
+    for run in (parameter_sets.DEFAULT, parameter_sets.SECOND):
+        cells = parameter_sets.check_cells(run)
+        angle = cells[parameter_sets.ANGLE][0].replace("°", " degrees")
+        assert f"{angle} and {cells[parameter_sets.HEIGHT][0]}" in paper
+    samples, meeting = parameter_sets.meeting_samples(parameter_sets.DEFAULT)
+    name, here, there = parameter_sets.most_different_spans()
+    assert f"{len(meeting)} of the {len(samples)} samples lie in both" in paper
+    assert f"they span {here} of the range of" in paper
+    assert f"`{name}` ({there} on the other processor)" in paper
+    fast = parameter_sets.RUN_OF_FOLDER["fast"]
+    most = parameter_sets.largest_difference(fast, parameter_sets.DEFAULT)
+    assert f"up to {most.rpartition(' to ')[2]} of a range apart" in paper
+    above = parameter_sets.steepest_whole_side()
+    assert f"the angle is {above:.1f} standard errors" in paper
+    paper_run = parameter_sets.probability_inside(parameter_sets.PAPER)
+    assert f"with a probability of {paper_run:.2f}" in paper
+
+
+def test_a_warning_names_each_end_of_a_range():
+    ends = parameter_sets.ends_of(
+        "at a bound: mus_gg low, mus_gp high; leverage 0.44, samples' largest 0.28"
+    )
+    assert ends == [("mus_gg", "lower"), ("mus_gp", "upper")]
+    assert parameter_sets.ends_of("leverage 0.44, samples' largest 0.28") == []
 
 
 def test_the_paper_states_the_intervals_with_their_discrepancy():
@@ -77,10 +104,11 @@ def test_a_changed_answer_changes_the_page(monkeypatch):
     monkeypatch.setattr(parameter_sets, "RUNS", (run,))
     answer = parameter_sets.answer_of(run)
     answer["e_gg"] = 0.4
+    answer["mus_gg"] = 0.5
     monkeypatch.setattr(parameter_sets, "answer_of", lambda run: answer)
     made = parameter_sets.with_texts(page)
     assert "old" not in made
-    assert "| `goji_berry` | 0.400 (upper bound) | 0.404 |" in made
+    assert "| `goji_berry` | 0.400 (upper bound) | 0.500 |" in made
 
 
 def test_pours_of_two_draws_are_pooled_like_one_sample(monkeypatch, tmp_path):
