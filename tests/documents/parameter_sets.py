@@ -32,6 +32,8 @@ PAGES = (
     "research/docs/network_tests.md",
     "research/docs/uncertainty_tests.md",
     "research/docs/second_stage.md",
+    "research/docs/sequential_tests.md",
+    "docs/sequential.md",
 )
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 ANGLE = "aor_deg"
@@ -1242,6 +1244,8 @@ def drum():
     runs = pd.read_csv(ROOT / "research/answers/drum_slip.csv")
     ours = runs[runs["case"] == "our answer"]
     again = mean_with_error(ours["before_turned_deg"])
+    runs_of_paper = len(PAPER.table("drum/runs.csv"))
+    single = ", a single simulation" if runs_of_paper == 1 else ""
     return (
         f"In our simulated drum, the bed of berries first slips after the drum has rotated by {means['before_turned_deg']}°. "
         "This is much later than in the drum of Ji et al. 2026: according to the times in their article, the bed slips after "
@@ -1254,7 +1258,7 @@ def drum():
         "- Default settings on another type of processor (`second_processor`), six additional simulations: after "
         f"{again}° on average.\n"
         f"- Another particle and contact law (`matched`): after {drum_means(MATCHED)['before_turned_deg']}°.\n"
-        f"- The settings of Ji et al. 2026 (`paper`), a single simulation: after {drum_means(PAPER)['before_turned_deg']}°.\n"
+        f"- The settings of Ji et al. 2026 (`paper`){single}: after {drum_means(PAPER)['before_turned_deg']}°.\n"
     )
 
 
@@ -1686,6 +1690,134 @@ def note_of_ranges():
         f"**I. Ranges.** {found} solutions of the run `goji_berry` lie at {where}. The bounds come from Table 2 of the article, which "
         "does not say why its ranges end there. For `mus_gg`, the static friction between berries, we also "
         "[searched a wider range](../research/docs/kept_runs.md#a-wider-range-of-mus_gg).\n"
+    )
+
+
+def near(cells, name):
+    """A mean of a check and its distance from the measured one, for a sentence."""
+    mean, percent = cells[name]
+    value, _, rest = percent.partition(" ")
+    side = "above" if float(value) > 0 else "below"
+    if abs(float(value)) < 0.05:
+        return mean, "equal to the measured mean"
+    return mean, f"{value.lstrip('+-')} {rest} {side} the measured mean"
+
+
+def which_set():
+    """Which kept parameters to simulate goji berries with, for the page of results."""
+    refined = RUN_OF_FOLDER["refined"]
+    pair = {run: check_of(run)["error_percent"].sum() for run in (DEFAULT, refined)}
+    first, second = near(check_cells(DEFAULT), ANGLE), near(check_cells(refined), ANGLE)
+    met = judged_runs()[Verdict.MET]
+    if pair[refined] < pair[DEFAULT] and refined in met:
+        advice = (
+            "To simulate goji berries with this program, use the contact parameters of the run `refined` if you want piles near the "
+            f"measured ones. Their angle, {second[0]}, is {second[1]}. The run `goji_berry` has the default settings, and more new "
+            f"piles check its result, but their angle, {first[0]}, is {first[1]}."
+        )
+    else:
+        advice = (
+            "To simulate goji berries with this program, use the contact parameters of the run `goji_berry`. It has the default "
+            "settings, and more new piles check its result than in the other runs."
+        )
+    return f"{advice} Do not use any of the five parameter sets in another simulator. Calibrate that simulator instead.\n"
+
+
+def paper_words():
+    """What the run with the article's settings found, a paragraph."""
+    samples, meeting = meeting_samples(PAPER)
+    at_rest = usable_samples(PAPER)
+    piles = int(check_of(PAPER)["n_seeds"].min())
+    verdict = judge_probability(probability_inside(PAPER))
+    inside = lies_inside(PAPER)
+    found = (
+        "The search nevertheless found a parameter set whose piles are near the targets. The mean angle and the mean height of "
+        f"{piles} new piles with this set are within the target ranges"
+        if inside
+        else f"The mean angle and the mean height of {piles} new piles with the parameter set that the search found are not both "
+        "within the target ranges"
+    )
+    unsure = (
+        f". With so few piles, this may be chance (the probability for very many piles is {probability_inside(PAPER):.2f})"
+        if verdict is Verdict.UNDECIDED
+        else ""
+    )
+    return (
+        f"The run `paper` repeats the calibration with the settings of Ji et al. 2026: one pile for each of {len(samples)} parameter "
+        f"sets, and one view of each pile. Of the {at_rest} piles that came to rest, only {len(meeting)} meet both targets. "
+        f"{found}{unsure}:\n"
+    )
+
+
+def note_of_samples():
+    """How many samples failed, for the notes beside the article."""
+    failed = {
+        run: len(run.table(run.samples)) - usable_samples(run)
+        for run in (PAPER, DEFAULT)
+    }
+    of_default = (
+        "no sample failed" if failed[DEFAULT] == 0 else f"{failed[DEFAULT]} failed"
+    )
+    return (
+        "**N. Valid samples.** In the article, 13 of 150 samples formed no stable pile within 18 s. In our run `paper`, which also "
+        f"simulates one pile for each sample, {number_word(failed[PAPER])} failed. We do not know the reason, but the simulators or "
+        f"the criteria of rest may differ. In the run `goji_berry`, {of_default}, because the program simulates six piles for each "
+        "sample and uses those that came to rest.\n"
+    )
+
+
+def fast_summary():
+    path = KEPT / "fast/sequential/summary.json"
+    return json.loads(path.read_text())
+
+
+def fast_chance():
+    """How sure the sequential strategy is of its answer with two targets, a bullet."""
+    summary = fast_summary()
+    inside = lies_inside(RUN_OF_FOLDER["fast"])
+    check = (
+        "Even so, the new piles met both target ranges on average."
+        if inside
+        else "The new piles did not meet both target ranges on average."
+    )
+    return (
+        "- **With two targets, expect a less certain result.** With `config/fast.yaml`, which has an angle and a height as its "
+        f"targets, the probability of lying within 1 % of both targets was only {summary['probability']:.2f} after "
+        f"{summary['pours']} piles. {check}\n"
+    )
+
+
+def fast_run():
+    """The run with the sequential strategy, three paragraphs."""
+    run = RUN_OF_FOLDER["fast"]
+    summary = fast_summary()
+    piles = int(check_of(run)["n_seeds"].min())
+    cells = check_cells(run)
+    angle, height = near(cells, ANGLE), near(cells, HEIGHT)
+    inside = (
+        "Both means lie inside the target ranges of the goji berry article."
+        if lies_inside(run)
+        else "They do not both lie inside the target ranges of the goji berry article."
+    )
+    bounds_near = len(summary["near_bounds"])
+    if bounds_near:
+        noun = "parameters" if bounds_near > 1 else "parameter"
+        verb = "lie" if bounds_near > 1 else "lies"
+        where = "a bound of their range" if bounds_near > 1 else "a bound of its range"
+        bound_words = (
+            "The sequential strategy with `config/fast.yaml` may not have found the best parameters, because better ones may lie "
+            f"outside the searched ranges. {number_word(bounds_near).capitalize()} {noun} of its answer {verb} at {where}, or so near "
+            "to it that the fitted model cannot tell the difference. In such a case, consider wider ranges.\n"
+        )
+    else:
+        bound_words = "No parameter of the answer of `config/fast.yaml` lies at or near a bound of its range.\n"
+    return (
+        "**The targets of the goji berry article** (Ji et al. 2026), an angle and a height, are harder to meet than a single height. "
+        f"With `config/fast.yaml`, the sequential strategy has an answer after {summary['pours']} simulated piles. It gives this "
+        f"answer a probability of {summary['probability']:.2f} to lie within 1 % of both targets.\n\n"
+        f"In {piles} new piles, the answer of `config/fast.yaml` gives a mean angle of {angle[0]} and a mean height of {height[0]} "
+        f"(`results/published/fast`). {inside} The angle is {angle[1]}, and the height {height[1]}.\n\n"
+        f"{bound_words}"
     )
 
 
@@ -2702,6 +2834,8 @@ TEXTS = {
     "drum_quantities": drum_quantities,
     "effect_of_friction": effect_of_friction,
     "equal_berries": equal_berries,
+    "fast_chance": fast_chance,
+    "fast_run": fast_run,
     "first_draw": first_draw,
     "five_piles": five_piles,
     "five_runs": five_runs,
@@ -2725,11 +2859,13 @@ TEXTS = {
     "noise_of_pours": noise_of_pours,
     "note_of_lines": note_of_lines,
     "note_of_ranges": note_of_ranges,
+    "note_of_samples": note_of_samples,
     "open_intervals": open_intervals,
     "open_region": open_region,
     "optimism": optimism,
     "other_processor": other_processor,
     "paper_run": paper_run,
+    "paper_words": paper_words,
     "posterior_errors": posterior_errors,
     "pours_for_a_percent": pours_for_a_percent,
     "pours_of_default": pours_of_default,
@@ -2749,6 +2885,7 @@ TEXTS = {
     "verdict": verdict,
     "verdict_words": verdict_words,
     "warned_solutions": warned_solutions,
+    "which_set": which_set,
     "whole_side_bound": whole_side_bound,
     "whole_side_runs": whole_side_runs,
     "wider_run": wider_run,
