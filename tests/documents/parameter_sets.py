@@ -1699,28 +1699,28 @@ def near(cells, name):
     value, _, rest = percent.partition(" ")
     side = "above" if float(value) > 0 else "below"
     if abs(float(value)) < 0.05:
-        return mean, "equal to the measured mean"
+        return mean, "as large as the measured mean"
     return mean, f"{value.lstrip('+-')} {rest} {side} the measured mean"
 
 
 def which_set():
     """Which kept parameters to simulate goji berries with, for the page of results."""
     refined = RUN_OF_FOLDER["refined"]
-    pair = {run: check_of(run)["error_percent"].sum() for run in (DEFAULT, refined)}
+    off = {run: check_of(run)["error_percent"].sum() for run in (DEFAULT, refined)}
     first, second = near(check_cells(DEFAULT), ANGLE), near(check_cells(refined), ANGLE)
-    met = judged_runs()[Verdict.MET]
-    if pair[refined] < pair[DEFAULT] and refined in met:
-        advice = (
-            "To simulate goji berries with this program, use the contact parameters of the run `refined` if you want piles near the "
-            f"measured ones. Their angle, {second[0]}, is {second[1]}. The run `goji_berry` has the default settings, and more new "
-            f"piles check its result, but their angle, {first[0]}, is {first[1]}."
+    piles = {run: int(check_of(run)["n_seeds"].min()) for run in (DEFAULT, refined)}
+    advice = (
+        "To simulate goji berries with this program, use the contact parameters of the run `goji_berry`. It has the default "
+        f"settings, and more new piles check its result than in the other runs ({piles[DEFAULT]}). The angle of these piles, "
+        f"{first[0]}, is {first[1]}."
+    )
+    if off[refined] < off[DEFAULT] and refined in judged_runs()[Verdict.MET]:
+        advice += (
+            f"\n\nIf you need piles nearer to the measured ones, use the parameters of the run `refined`. In its check of {piles[refined]} "
+            f"piles, the angle, {second[0]}, is {second[1]}. A check of so few piles "
+            "[depends on chance](../research/docs/uncertainty_tests.md#a-single-check-depends-on-chance)."
         )
-    else:
-        advice = (
-            "To simulate goji berries with this program, use the contact parameters of the run `goji_berry`. It has the default "
-            "settings, and more new piles check its result than in the other runs."
-        )
-    return f"{advice} Do not use any of the five parameter sets in another simulator. Calibrate that simulator instead.\n"
+    return f"{advice}\n\nDo not use any of the five parameter sets in another simulator. Calibrate that simulator instead.\n"
 
 
 def paper_words():
