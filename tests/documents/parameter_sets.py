@@ -2272,11 +2272,11 @@ def further_tests():
     of_pile = of_set("pile")[NARROWEST]
     of_two = by_discrepancy(2)[NARROWEST]
     compared = (
-        ", so compare them only roughly with the first rows. (The many numbers of the pile include its angle and Height. They "
-        f"leave {100 * of_pile:.0f} % of `{NARROWEST}`, and the two alone {100 * of_two:.0f} %, because the simulator and the line "
-        "of the angle differ.)"
+        "Compare the synthetic measurements only roughly with the first three rows. The many numbers of the pile include its angle "
+        f"and Height. Yet they leave {100 * of_pile:.0f} % of `{NARROWEST}`, and the two alone {100 * of_two:.0f} %, because the "
+        "simulator and the line of the angle differ.\n\n"
         if of_pile > of_two
-        else "."
+        else ""
     )
     default_errors = posterior_of(DEFAULT)["discrepancy_sd"]
     default_error = (
@@ -2338,9 +2338,10 @@ def further_tests():
     return (
         f"{markdown(head, rows)}\n"
         "The first three rows of the table use the measured piles. The other measurements are "
-        "[synthetic](research/docs/joint_targets.md), from an earlier version of the simulator"
-        f"{compared} Their assumed standard deviations are 0.03 for a coefficient of "
+        "[synthetic](research/docs/joint_targets.md), from an earlier version of the simulator. "
+        "Their assumed standard deviations are 0.03 for a coefficient of "
         "restitution, 0.035 for static friction and 0.005 for rolling friction.\n\n"
+        f"{compared}"
         "Two measurements tell you most about the parameters per hour of work:\n\n"
         "- **Seven more numbers from the photographs that you already have.** They [describe the shape of the "
         f"pile](research/docs/second_responses.md), and reading them takes {photographs['minutes']:.0f} minutes. They help most if "
