@@ -1044,7 +1044,8 @@ def check_cells(run):
     cells = {}
     for row in check_of(run).itertuples():
         unit = "°" if row.response == ANGLE else " mm"
-        percent = 100 * (row.simulated / row.physical_mean - 1)
+        # Adding zero turns -0.0 into 0.0.
+        percent = round(100 * (row.simulated / row.physical_mean - 1), 1) + 0.0
         percent_error = 100 * row.simulated_se / row.physical_mean
         cells[row.response] = (
             f"{row.simulated:.1f} ± {row.simulated_se:.1f}{unit}",
