@@ -1750,6 +1750,27 @@ def paper_words():
     )
 
 
+def less_certain():
+    """Which of our results are less certain than the others, for the page on the article."""
+    undecided = judged_runs()[Verdict.UNDECIDED]
+    if not undecided:
+        return (
+            "All five results meet the targets with a probability of at least 0.95.\n"
+        )
+    piles = [int(check_of(run)["n_seeds"].min()) for run in undecided]
+    rows = listed(
+        [
+            f"{run.name} ({count} piles)"
+            for run, count in zip(undecided, piles, strict=True)
+        ]
+    )
+    one = len(undecided) == 1
+    return (
+        f"{'One' if one else number_word(len(undecided)).capitalize()} of our results {'is' if one else 'are'} less certain than "
+        f"the others: {rows}. With so few new piles, the mean angle and height may meet the targets by chance.\n"
+    )
+
+
 def note_of_samples():
     """How many samples failed, for the notes beside the article."""
     failed = {
@@ -1776,11 +1797,13 @@ def fast_chance():
     """How sure the sequential strategy is of its answer with two targets, a bullet."""
     summary = fast_summary()
     inside = lies_inside(RUN_OF_FOLDER["fast"])
-    check = (
-        "Even so, the new piles met both target ranges on average."
-        if inside
-        else "The new piles did not meet both target ranges on average."
-    )
+    sure = RUN_OF_FOLDER["fast"] in judged_runs()[Verdict.MET]
+    if inside and sure:
+        check = "Even so, the new piles met both target ranges on average."
+    elif inside:
+        check = "The new piles met both target ranges on average, but they are too few to be certain."
+    else:
+        check = "The new piles did not meet both target ranges on average."
     return (
         "- **With two targets, expect a less certain result.** With `config/fast.yaml`, which has an angle and a height as its "
         f"targets, the probability of lying within 1 % of both targets was only {summary['probability']:.2f} after "
@@ -1800,6 +1823,8 @@ def fast_run():
         if lies_inside(run)
         else "They do not both lie inside the target ranges of the goji berry article."
     )
+    if run in judged_runs()[Verdict.UNDECIDED]:
+        inside += f" For very many piles, the probability of this is {probability_inside(run):.2f}."
     bounds_near = len(summary["near_bounds"])
     if bounds_near:
         noun = "parameters" if bounds_near > 1 else "parameter"
@@ -2846,6 +2871,7 @@ TEXTS = {
     "information": information,
     "intervals": intervals,
     "largest_off": largest_off,
+    "less_certain": less_certain,
     "later_check": later_check,
     "left_open": left_open,
     "lines": lines,

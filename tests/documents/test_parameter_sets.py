@@ -46,8 +46,10 @@ def test_the_paper_states_the_checks_and_the_samples():
     assert f"up to {most.rpartition(' to ')[2]} of a range apart" in paper
     above = parameter_sets.steepest_whole_side()
     assert f"the angle is {above:.1f} standard errors" in paper
-    paper_run = parameter_sets.probability_inside(parameter_sets.PAPER)
-    assert f"with a probability of {paper_run:.2f}" in paper
+    for run in parameter_sets.judged_runs()[parameter_sets.Verdict.UNDECIDED]:
+        probability = parameter_sets.probability_inside(run)
+        assert f"with a probability of {probability:.2f}" in paper
+    assert all(map(parameter_sets.lies_inside, parameter_sets.RUNS))
 
 
 def test_a_warning_names_each_end_of_a_range():
