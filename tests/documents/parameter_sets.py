@@ -1782,8 +1782,9 @@ def note_of_samples():
     )
     return (
         "**N. Valid samples.** In the article, 13 of 150 samples formed no stable pile within 18 s. In our run `paper`, which also "
-        f"simulates one pile for each sample, {number_word(failed[PAPER])} failed. We do not know the reason, but the simulators or "
-        f"the criteria of rest may differ. In the run `goji_berry`, {of_default}, because the program simulates six piles for each "
+        f"simulates one pile for each sample, {number_word(failed[PAPER])} failed. We do not know why the numbers differ. The "
+        f"simulators or the criteria of rest may be different. In the run "
+        f"`goji_berry`, {of_default}, because the program simulates six piles for each "
         "sample and uses those that came to rest.\n"
     )
 
