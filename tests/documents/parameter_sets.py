@@ -5,6 +5,7 @@ the line `<!-- made by tests/documents/parameter_sets.py: NAME -->`, up to the l
 """
 
 import json
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -236,7 +237,7 @@ def answers():
     rows = [
         ["article", *values, *ARTICLE_CHECK],
         [
-            "the article's set, simulated here; earlier simulations",
+            "the article's set, simulated here: new piles; earlier piles",
             *values,
             f"{cell_of_set(poured, 'representative', ANGLE)}; {cell_of_set(earlier, 'representative', ANGLE)}",
             f"{cell_of_set(poured, 'representative', HEIGHT)}; {cell_of_set(earlier, 'representative', HEIGHT)}",
@@ -314,11 +315,10 @@ def all_calibrations():
     judged = judged_runs()
     unsure = [run for run in judged[Verdict.UNDECIDED] if run not in outside]
     first = (
-        "**All calibrations reproduce the measured pile.** The simulated piles have the measured angle and height, within the "
-        "target ranges."
+        "**All calibrations give piles like the measured one.** Their mean angle and mean height lie within the target ranges."
         if not outside
-        else f"**{number_word(len(RUNS) - len(outside)).capitalize()} of five calibrations reproduce the measured pile.** Their "
-        "simulated piles have the measured angle and height, within the target ranges."
+        else f"**{number_word(len(RUNS) - len(outside)).capitalize()} of five calibrations give piles like the measured one.** "
+        "Their mean angle and mean height lie within the target ranges."
     )
     if unsure:
         last = f" For {number_word(len(unsure))} of the five calibrations, this is not certain."
@@ -336,7 +336,7 @@ def five_piles():
         else f"{number_word(len(RUNS) - len(outside))} of the five"
     )
     return (
-        "**The piles agree, the parameters do not.** We calibrated the goji berry five times, with different settings. The mean "
+        "**The piles are similar, the parameters are not.** We calibrated the goji berry five times, with different settings. The mean "
         f"angles and heights of {count} calibrations lie within the target ranges, but each calibration has other parameters:\n"
     )
 
@@ -370,13 +370,23 @@ def at_bounds_of(run):
     return f" Its {listed(at_end)} lie at bounds of the searched ranges."
 
 
+def near_bounds_of(run):
+    """Which parameters of a run's answer may lie at a bound, a sentence for each."""
+    card = json.loads((KEPT / run.folder / "card.json").read_text())
+    names = [text.split()[0] for text in card.get("near_bounds", [])]
+    return "".join(
+        f" Its `{name}` is so near to the bound of its range that the fit cannot tell them apart."
+        for name in names
+    )
+
+
 def five_settings():
     """How the five calibrations differ, a list for README."""
     refined = RUN_OF_FOLDER["refined"]
     cells = check_cells(refined)[ANGLE][1], check_cells(DEFAULT)[ANGLE][1]
     words = {
-        "goji_berry": "has the default settings. It was checked with the most piles. For simulations with these settings, run your "
-        "own calibration, or use its parameters.",
+        "goji_berry": "has the default settings. It was checked with the most piles. For simulations with this program and these "
+        f"settings, run your own calibration, or use its parameters.{near_bounds_of(DEFAULT)}",
         "refined": f"continues `goji_berry` with more piles near its answer. Its angle is {cells[0]} off the measured one, and "
         f"that of `goji_berry` {cells[1]}. One run does not show that a second stage is better in general.",
         "paper": "has the settings of the article, as far as they are stated.",
@@ -406,12 +416,12 @@ def means_inside():
     outside = [run for run in RUNS if not lies_inside(run)]
     if not outside:
         return (
-            "All five runs reproduce the measured pile. In every run, the mean angle and the mean height of the new piles that "
-            "check the result lie within the target ranges."
+            "In all five runs, the mean angle and the mean height of the new piles that check the result lie within the target "
+            "ranges."
         )
     return (
-        f"{number_word(len(RUNS) - len(outside)).capitalize()} of the five runs reproduce the measured pile: the mean angle and "
-        "the mean height of the new piles that check the result lie within the target ranges. Those of "
+        f"In {number_word(len(RUNS) - len(outside))} of the five runs, the mean angle and the mean height of the new piles that "
+        "check the result lie within the target ranges. Those of "
         f"{names_of(outside)} do not."
     )
 
@@ -467,9 +477,10 @@ def five_runs():
     return (
         f"{means_inside()}\n\n"
         f"{chances_inside()}\n\n"
-        "Different contact parameters can produce the same pile, so do not read calibrated parameters as properties of the berry. "
+        "Different contact parameters can give similar piles, so do not read calibrated parameters as properties of the berry. "
         f"For example, the runs `goji_berry` and `fast` simulate the same model of the berry, and {both_meet(DEFAULT, fast)}. Yet "
-        f"their parameters differ by {largest_difference(fast, DEFAULT)} of the width of the searched ranges.\n\n"
+        f"their parameters differ by {largest_difference(fast, DEFAULT)} of the width of the searched ranges. The "
+        "[95 % intervals](uncertainty.md) of the parameters are wider than these differences.\n\n"
         "The five runs are not five independent repetitions:\n\n"
         "- The run `refined` continues the run `goji_berry` with more piles, so it uses the same piles of the first stage. Their "
         f"parameters differ by at most {most} of the width of the searched ranges.\n"
@@ -662,8 +673,8 @@ def spread_of_samples():
         for run in (DEFAULT, SECOND)
     )
     return (
-        "The measured pile alone cannot tell you which contact parameters are right, because very different parameters give the "
-        f"same pile. In the run `goji_berry`, for example, we simulated {len(samples)} parameter sets before the search, and "
+        "The measured pile alone cannot tell you which contact parameters are right, because very different parameters give "
+        f"similar piles. In the run `goji_berry`, for example, we simulated {len(samples)} parameter sets before the search, and "
         f"{len(meeting)} of them met both targets. For most parameters, the values of these {len(meeting)} sets are spread over "
         "nearly the whole searched range.\n\n"
         "To see how uncertain a parameter is, use its [95 % interval](uncertainty.md), and not the spread of the samples that meet "
@@ -1201,7 +1212,7 @@ def beside_article():
             "R² of the network on test samples (1 is perfect), angle and Height",
             "0.94, 0.94",
             f"`goji_berry`: {r_squared(DEFAULT)}; [a perfect model](research/docs/network_tests.md#what-the-articles-094-would-take) "
-            f"would reach about {perfect_r_squared(DEFAULT)}, because the {metrics_of(DEFAULT)['n_test']} samples are noisy",
+            f"is expected to have about {perfect_r_squared(DEFAULT)}; with {metrics_of(DEFAULT)['n_test']} samples, both vary by chance",
         ],
         [
             "the article's sets, simulated; it states five of six",
@@ -1389,7 +1400,8 @@ def verdict_words():
         agreement = (
             f"The simulated angle lies {abs(distance):.1f}° {side} the measured mean, which is {abs(distance) / error:.0f} times its "
             "standard error. So the calibration met the target range, but missed its aim, the measured mean. The measured mean "
-            f"itself has a standard error of {measured_error:.1f}°."
+            f"itself has a standard error of {measured_error:.1f}°. With both errors, the distance is "
+            f"{abs(distance) / math.hypot(error, measured_error):.1f} standard errors."
         )
     return (
         "- **Targets met** means that the mean angle and the mean height of the new piles lie in their target ranges, "
@@ -1426,7 +1438,8 @@ def meeting_words():
     samples, meeting = meeting_samples(DEFAULT)
     name, here, there = most_different_spans()
     return (
-        "Very different parameters give the same pile, so the pile by itself determines none of the six parameters. Of the "
+        "Very different parameters give piles within the target ranges, so with the error that we assume for the simulator, the "
+        "pile by itself determines none of the six parameters. Of the "
         f"{len(samples)} sets that the run `goji_berry` simulated first, {len(meeting)} met both targets. The last row of the "
         f"table says how much of each searched range these {len(meeting)} sets cover. (Chance plays a part: they cover {here} of "
         f"the range of `{name}`, and {there} on another type of processor.)\n"
@@ -1448,16 +1461,17 @@ def agreement_of_default():
     else:
         agreement = (
             "The piles of the run `goji_berry` lie within the target ranges, but their angle differs from the measured mean by "
-            f"more than its standard error: it lies {with_error(abs(distance), error)}° {side} it. The probability that angle and "
+            f"{abs(distance) / error:.0f} standard errors: it lies {with_error(abs(distance), error)}° {side} it. "
+            "The probability that angle and "
             f"height are both within 2 % of the measured means is only {row['within_2_percent']:.2f}. For comparison, the measured "
             f"mean has a standard error of {measured_error:.1f}°."
         )
     return (
         f"{agreement}\n\n"
-        "The angle of the check depends on the type of processor. In the run `goji_berry`, it deviates from the measured mean by "
+        "On another type of processor, the check gave another angle. In the run `goji_berry`, it deviates from the measured mean by "
         f"{cells[ANGLE][1]}, and [on another type of processor](../research/docs/kept_runs.md"
-        f"#the-same-calibration-on-other-processors) by {second[ANGLE][1]}. Neither number says how far the method comes in "
-        "general.\n\n"
+        f"#the-same-calibration-on-other-processors) by {second[ANGLE][1]}. Chance may explain this difference, and neither number "
+        "says how far the method comes in general.\n\n"
         "An angle that agrees with the measured one does not prove that the simulator is right. We measure the angle along only a "
         "part of the side, between 30 and 80 % of the height of the pile. We chose this part by [a rule](angle_line.md), which "
         "accepts only parts along which simulated piles can have the measured angle. When we wrote the rule, we already knew the "
@@ -1684,11 +1698,14 @@ def note_of_lines():
 def note_of_ranges():
     """How many solutions lie at bounds, for the notes beside the article."""
     at_any, counts, count = solutions_at_bounds(DEFAULT)
-    names = list(dict.fromkeys(f"`{name}`" for name, _ in counts))
     found = f"{at_any} of the {count}" if at_any else "None of the"
-    where = f"a bound of {listed(names)}" if names else "a bound"
+    bounds = [
+        f"the {end} bound of `{name}` ({number})"
+        for (name, end), number in counts.items()
+    ]
+    where = "at " + (" or at ".join(bounds) or "a bound")
     return (
-        f"**I. Ranges.** {found} solutions of the run `goji_berry` lie at {where}. The bounds come from Table 2 of the article, which "
+        f"**I. Ranges.** {found} solutions of the run `goji_berry` lie {where}. The bounds come from Table 2 of the article, which "
         "does not say why its ranges end there. For `mus_gg`, the static friction between berries, we also "
         "[searched a wider range](../research/docs/kept_runs.md#a-wider-range-of-mus_gg).\n"
     )
@@ -2369,13 +2386,13 @@ def further_tests():
         "Their assumed standard deviations are 0.03 for a coefficient of "
         "restitution, 0.035 for static friction and 0.005 for rolling friction.\n\n"
         f"{compared}"
-        "Two measurements tell you most about the parameters per hour of work:\n\n"
+        "These measurements need half an hour or less:\n\n"
         "- **Seven more numbers from the photographs that you already have.** They [describe the shape of the "
         f"pile](research/docs/second_responses.md), and reading them takes {photographs['minutes']:.0f} minutes. They help most if "
         "the simulator is nearly right.\n"
-        "- **The friction between grain and wall,** on an inclined plane. This takes "
-        f"{by_set.loc['direct mus_gp', 'minutes']:.0f} minutes. It only helps if this friction is important in your machine, "
-        "because the pile hardly depends on it.\n"
+        "- **One coefficient between grain and wall:** the friction on an inclined plane, or the restitution in a drop test. "
+        f"Each takes {by_set.loc['direct mus_gp', 'minutes']:.0f} minutes. It only helps if this coefficient is important in your "
+        "machine, because the pile hardly depends on it.\n"
     )
 
 
@@ -2385,8 +2402,9 @@ def left_open():
     region = DEFAULT.table("posterior/region.csv")["share"].mean()
     pooled, _, _ = open_shares()
     return (
-        "**The measured piles alone determine none of the six parameters,** because very different parameters give nearly the same "
-        f"pile. Of the {len(samples)} sets that the study simulates first, {len(meeting)} gave piles within both target ranges.\n\n"
+        "**With the error that we assume for the simulator, the measured piles alone determine none of the six parameters.** Very "
+        "different parameters give piles within the target ranges. "
+        f"Of the {len(samples)} sets that the study simulates first, {len(meeting)} gave piles within both target ranges.\n\n"
         "The simulator may be wrong, too. We [estimate](research/docs/uncertainty_tests.md#where-the-size-of-the-discrepancy-comes-from) "
         f"that its piles may differ from real ones by {pooled.size}. If we allow for this error, "
         f"[{100 * region:.0f} % of the searched space](docs/uncertainty.md#the-region-that-is-not-excluded) remains possible after "
