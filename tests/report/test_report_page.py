@@ -4,6 +4,7 @@ import base64
 import json
 import os
 import re
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -17,6 +18,7 @@ from shared import RANGES, ROOT, TARGETS, says, target
 
 from repose import __version__
 from repose.bench.parameters import PARAMETERS
+from repose.calibrate.answer import Check
 from repose.calibrate.responses import name_derived_column
 from repose.calibrate.runs import name_error_column
 from repose.calibrate.surrogates import load
@@ -24,7 +26,7 @@ from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty.posterior import state_determination
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import MeasureSettings, line_of
-from repose.report.page import captions, page, prediction, scene, three
+from repose.report.page import captions, page, prediction, scene, sections, three
 from repose.report.page.templates import read_asset
 from repose.stages.published import STALE_WARNING
 
@@ -332,6 +334,18 @@ def test_faults_name_the_input(tmp_path):
         (files | {"photograph": tmp_path / "photo.jpg"}, r"photo.jpg.*a PNG or JPEG"),
     ]:
         input_error(message, written, (config, jobs, files_given), tmp_path)
+
+
+def test_a_mean_that_misses_its_aim_is_named_with_both_errors():
+    goal = Targets.of([target("aor_deg", 30, 3, 28, 32, 9)])[0]
+    check = Check.from_target(goal, None, None, 0, "ok")
+    near = replace(check, simulated=29.5, standard_error=0.3, runs=9)
+    far = replace(near, simulated=28.5)
+    assert sections._describe_missed_means([check, near]) == []
+    (sentence,) = sections._describe_missed_means([near, far])
+    assert "it lies 5.0 of its standard errors below it" in sentence
+    # 1.5 over the root of 0.3² + 1²
+    assert "the distance is 1.4 standard errors" in sentence
 
 
 def test_the_note_of_a_study_stands_below_the_verdict(tmp_path):

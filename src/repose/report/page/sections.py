@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ import pandas as pd
 from repose.bench.parameters import LABELS
 from repose.calibrate.answer import (
     NEAR_BOUNDS_INTRODUCTION,
+    Check,
     describe_differences,
     describe_optimism,
 )
@@ -310,8 +311,8 @@ def _describe_samples_meeting_targets(results: Results) -> str:
 def _describe_differences(results: Results) -> str:
     """Describe how far the simulated means are from the measured ones.
 
-    Further sentences state the scatter of single simulations and the standard errors of
-    the measured means.
+    Further sentences name the means that miss their aim, and state the scatter of
+    single simulations and the standard errors of the measured means.
 
     Parameters
     ----------
@@ -329,6 +330,7 @@ def _describe_differences(results: Results) -> str:
     # Name the responses by their labels, which readers understand.
     named_checks = [replace(check, response=check.label) for check in checks]
     sentences = [describe_differences(named_checks)]
+    sentences += _describe_missed_means(checks)
     # The standard deviation of a single run follows from the standard error of the
     # mean.
     scatters = [
@@ -352,6 +354,46 @@ def _describe_differences(results: Results) -> str:
         "included in these numbers."
     )
     return " ".join(sentences)
+
+
+# From this many standard errors on, a simulated mean misses the measured one.
+MISSED_STANDARD_ERRORS = 2.0
+
+
+def _describe_missed_means(checks: Iterable[Check]) -> list[str]:
+    """Describe the simulated means that differ from the measured ones beyond chance.
+
+    Only the error of the simulated mean decides, because the aim of a calibration is
+    the measured mean itself.
+
+    Parameters
+    ----------
+    checks : iterable of Check
+        One for each target.
+
+    Returns
+    -------
+    list of str
+        A sentence for each mean that is `MISSED_STANDARD_ERRORS` or more away.
+    """
+    sentences = []
+    for check in checks:
+        if check.simulated is None or not check.standard_error:
+            continue
+        difference = check.simulated - check.measured
+        errors = abs(difference) / check.standard_error
+        if errors < MISSED_STANDARD_ERRORS:
+            continue
+        error_of_measured = check.sd / math.sqrt(check.repetitions)
+        error_of_both = math.hypot(check.standard_error, error_of_measured)
+        side = "below" if difference < 0 else "above"
+        sentences.append(
+            f"The mean {check.label} misses its aim, the measured mean: it lies "
+            f"{errors:.1f} of its standard errors {side} it. With the error of the "
+            f"measurement, the distance is {abs(difference) / error_of_both:.1f} "
+            "standard errors."
+        )
+    return sentences
 
 
 def _describe_near_bounds(results: Results) -> str:
