@@ -677,11 +677,11 @@ def spread_of_samples():
         f"similar piles. In the run `goji_berry`, for example, we simulated {len(samples)} parameter sets before the search, and "
         f"{len(meeting)} of them met both targets. For most parameters, the values of these {len(meeting)} sets are spread over "
         "nearly the whole searched range.\n\n"
-        "To see how uncertain a parameter is, use its [95 % interval](uncertainty.md), and not the spread of the samples that meet "
-        "the targets. The samples are the parameter sets that we simulated before the search. A single sample that meets the "
-        f"targets by chance can widen their spread. For `{NARROWEST}`, {KIND[NARROWEST]}, the spread was {share} of the searched "
-        f"range on one type of processor and [{share_of_second} on another]"
-        "(../research/docs/kept_runs.md#the-samples-of-goji_berry). So the spread alone says little.\n"
+        "To see how uncertain a parameter is, use its [95 % interval](uncertainty.md). Do not use the spread of the simulated "
+        "parameter sets that meet the targets, because a single set that meets them by chance can widen this spread.\n\n"
+        "For example, we ran the same study on two types of processor, and different parameter sets met the targets by chance. For "
+        f"`{NARROWEST}`, {KIND[NARROWEST]}, the spread was {share} of the searched range on one processor and "
+        f"[{share_of_second} on the other](../research/docs/kept_runs.md#the-samples-of-goji_berry). So the spread alone says little.\n"
     )
 
 
