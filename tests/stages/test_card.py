@@ -411,20 +411,20 @@ def test_a_script_asks_the_card_whether_the_targets_are_met(
 
 def test_a_card_of_before_the_verdict_is_judged_by_its_tests(tmp_path, command):
     """`matched` and `paper` said met by their means alone; only one is met by its errors."""
-    published = ROOT / "results/published"
+    known = ROOT / "tests/known"
+    whole_side = ROOT / "results/published/whole_side/card.json"
     verdicts = {
-        "matched": (0, "matched: targets met."),
-        "paper": (4, "paper: targets undecided."),
-        "whole_side": (3, "recommended: targets NOT met."),
+        known / "card_matched.json": (0, "matched: targets met."),
+        known / "card_paper.json": (4, "paper: targets undecided."),
+        whole_side: (3, "recommended: targets NOT met."),
     }
-    for folder, (status, beginning) in verdicts.items():
-        path = published / folder / "card.json"
+    for path, (status, beginning) in verdicts.items():
         assert "verdict" not in card.read_card(path)
         out = command("card", "check", path, status=status).out
         assert out.startswith(beginning)
         shown = command("card", "show", path).out
         assert out.rstrip().endswith(shown.splitlines()[1])
-    paper = command("card", "check", published / "paper/card.json", status=4).out
+    paper = command("card", "check", known / "card_paper.json", status=4).out
     assert "inside with a probability of 68 %; about 29 further runs" in paper
 
 
