@@ -2406,9 +2406,9 @@ def left_open():
         "different parameters give piles within the target ranges. "
         f"Of the {len(samples)} sets that the study simulates first, {len(meeting)} gave piles within both target ranges.\n\n"
         "The simulator may be wrong, too. We [estimate](research/docs/uncertainty_tests.md#where-the-size-of-the-discrepancy-comes-from) "
-        f"that its piles may differ from real ones by {pooled.size}. If we allow for this error, "
+        f"the standard deviation of its error as {pooled.size}. With this error, "
         f"[{100 * region:.0f} % of the searched space](docs/uncertainty.md#the-region-that-is-not-excluded) remains possible after "
-        "the measurement.\n\n"
+        "the measurement: there, each prediction lies within three standard deviations of the measured mean.\n\n"
         "So use the six calibrated values only together, and only for piles like the measured one. A pile alone does not give you "
         "parameters for a conveyor or a packing machine, but it shows which further tests you need.\n"
     )
