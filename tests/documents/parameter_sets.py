@@ -385,7 +385,7 @@ def five_settings():
     refined = RUN_OF_FOLDER["refined"]
     cells = check_cells(refined)[ANGLE][1], check_cells(DEFAULT)[ANGLE][1]
     words = {
-        "goji_berry": "has the default settings. It was checked with the most piles. For simulations with this program and these "
+        "goji_berry": "has the default settings. For simulations with this program and these "
         f"settings, run your own calibration, or use its parameters.{near_bounds_of(DEFAULT)}",
         "refined": f"continues `goji_berry` with more piles near its answer. Its angle is {cells[0]} off the measured one, and "
         f"that of `goji_berry` {cells[1]}. One run does not show that a second stage is better in general.",
