@@ -53,12 +53,13 @@ for strategy in dict.fromkeys([STRATEGY, *BATCHED]):
     pictures = PICTURES.get(strategy, ())
     of_strategy = ""
     logs = f"{RESULTS}/logs"
+    benchmarks = f"{RESULTS}/benchmarks"
     if strategy == STRATEGY:
         pictures = (*PICTURES_OF_STUDY, *pictures)
     else:
         of_strategy = f"_{strategy}"
         logs = f"{RESULTS}/logs/{strategy}"
-    benchmarks = logs.replace("/logs", "/benchmarks")
+        benchmarks = f"{RESULTS}/benchmarks/{strategy}"
     trajectory = HAS_PILE and (
         rules.trajectory.output.trajectory
         if by_the_chain
