@@ -386,7 +386,7 @@ def _print_particle_piles(
     unit : str
         The unit of lengths in the files.
     """
-    from repose.measure.outline_shape import LARGEST_SIDE_DIFFERENCE_DEG
+    from repose.measure.outline_shape import describe_doubtful_views
     from repose.measure.settings import line_of
 
     for row, pile in zip(rows, piles, strict=True):
@@ -401,11 +401,10 @@ def _print_particle_piles(
         for line in (*pile.warnings, *(f"note: {note}" for note in pile.notes)):
             print(f"  {line}")
         if pile.result.n_doubtful_views > 0:
-            print(
-                f"  note: {pile.result.n_doubtful_views} of "
-                f"{pile.result.n_measured_views} side views have two sides that differ "
-                f"by more than {LARGEST_SIDE_DIFFERENCE_DEG:g} degrees; they count"
+            views = describe_doubtful_views(
+                pile.result.n_doubtful_views, pile.result.n_measured_views
             )
+            print(f"  note: {views}")
 
 
 def _find_run_name(path: str) -> str:

@@ -44,6 +44,14 @@ def sides_differ(left_deg: ArrayLike, right_deg: ArrayLike) -> np.ndarray:
     return np.abs(np.subtract(left_deg, right_deg)) > LARGEST_SIDE_DIFFERENCE_DEG
 
 
+def describe_doubtful_views(n_doubtful: int, n_measured: int) -> str:
+    """Describe how many side views of simulated piles are doubtful."""
+    return (
+        f"{n_doubtful} of {n_measured} side views have two sides that differ by more "
+        f"than {LARGEST_SIDE_DIFFERENCE_DEG:g} degrees; they count"
+    )
+
+
 class PileSize(NamedTuple):
     """Size of a pile."""
 

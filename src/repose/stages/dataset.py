@@ -26,8 +26,8 @@ from repose.common.statuses import describe_failures
 from repose.measure.angles import CALIBRATED_ANGLE
 from repose.measure.outline_shape import (
     DOUBTFUL_VIEWS,
-    LARGEST_SIDE_DIFFERENCE_DEG,
     MEASURED_VIEWS,
+    describe_doubtful_views,
 )
 from repose.measure.settings import MeasureSettings, line_of
 from repose.stages.parameter_sets import list_parameters, read_samples
@@ -194,10 +194,7 @@ def describe_views(views: Mapping[str, int]) -> str:
     """
     if MEASURED_VIEWS not in views:
         return ""
-    return (
-        f"{views[DOUBTFUL_VIEWS]} of {views[MEASURED_VIEWS]} side views have two sides "
-        f"that differ by more than {LARGEST_SIDE_DIFFERENCE_DEG:g} degrees; they count."
-    )
+    return f"{describe_doubtful_views(views[DOUBTFUL_VIEWS], views[MEASURED_VIEWS])}."
 
 
 def describe_counts(
