@@ -1,6 +1,6 @@
 """Calibrate any simulator from its runs: find the answer and its uncertainty."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -324,7 +324,7 @@ class Calibration(NamedTuple):
             lines.append("Simulated again:")
             lines += [f"  {check}" for check in checks]
             lines.append(f"Predicted by {model_name} before:")
-        lines += self._describe_predictions()
+        lines += self._describe_predictions(checks)
         lines.append(
             "Predicted probability that the simulator's means there lie "
             f"{describe_probabilities(self.probability)}. "
@@ -334,14 +334,17 @@ class Calibration(NamedTuple):
             lines.append(describe_training(self.answer.notes[METRICS_NOTE]))
         return "\n".join(lines)
 
-    def _describe_predictions(self) -> list[str]:
-        """Write a line for each response that compares its prediction with the target."""
+    def _describe_predictions(self, checks: Sequence[Check]) -> list[str]:
+        """Write a line for each response that compares its prediction with the target.
+
+        `checks` are those of `as_answer`, one for each target.
+        """
         lines = []
         for target, mean, error, check in zip(
             self.study.targets,
             self.answer.mean,
             self.answer.error,
-            self.as_answer().checks,
+            checks,
             strict=True,
         ):
             unit = f" {target.response.unit}".rstrip()
