@@ -239,6 +239,17 @@ def estimate_optimism(
     return pd.DataFrame(rows, columns=list(OPTIMISM_COLUMNS))
 
 
+def list_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """List the rows of `estimate_optimism`, for the notes of an answer.
+
+    pandas allows any type as a column name, but JSON only text.
+    """
+    return [
+        {str(key): value for key, value in row.items()}
+        for row in table.to_dict("records")
+    ]
+
+
 def _make_rows(
     role: str, differences: np.ndarray, targets: Targets
 ) -> list[tuple[str, str, float, float, int]]:

@@ -12,6 +12,7 @@ from repose.calibrate.inversion import Inversion, invert
 from repose.calibrate.optimism import (
     ReplicateRuns,
     estimate_optimism,
+    list_rows,
     make_representative_search,
 )
 from repose.calibrate.probability import compute_box_probability
@@ -277,8 +278,4 @@ def estimate_optimism_of_answer(
         replicates=settings.replicates,
         seed=settings.seed,
     )
-    # pandas allows any type as a column name, but JSON only text.
-    return [
-        {str(key): value for key, value in row.items()}
-        for row in table.to_dict("records")
-    ]
+    return list_rows(table)

@@ -14,6 +14,7 @@ from repose.calibrate.optimism import (
     REPRESENTATIVE_ROLE,
     ReplicateRuns,
     estimate_optimism,
+    list_rows,
 )
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.runs import split_by_bench, summarise_samples
@@ -101,8 +102,4 @@ def estimate_optimism_of_answer(
         replicates=N_REPLICATES,
         seed=study.settings.design.seed,
     )
-    # pandas allows any type as a column name, but JSON only text.
-    return [
-        {str(key): value for key, value in row.items()}
-        for row in optimism.to_dict("records")
-    ]
+    return list_rows(optimism)

@@ -109,6 +109,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         study,
         data,
         advice.answer,
+        is_nearest=advice.is_nearest,
         why=notes["why"],
         notes=final_notes,
         model=advice.model,
@@ -201,6 +202,7 @@ def give_answer(
     study: Study,
     data: pd.DataFrame,
     point: np.ndarray | None = None,
+    is_nearest: bool = False,
     why: str = SO_FAR,
     notes: Mapping[str, Any] | None = None,
     model: Kriging | None = None,
@@ -217,6 +219,8 @@ def give_answer(
         The answer in the unit cube, if it is already chosen from the same runs. By
         default it is the point most likely to meet the targets, or the nearest one if
         none is predicted to meet them.
+    is_nearest : bool, optional
+        Whether `point` is the nearest one.
     why : str, optional
         Why no more runs are needed.
     notes : mapping, optional
@@ -254,7 +258,8 @@ def give_answer(
         # If no point is predicted to meet the targets, the point with the highest
         # probability is merely the one with the most uncertain prediction. Then the
         # nearest point is a better answer.
-        if no_point_meets(model, goal, ranking):
+        is_nearest = no_point_meets(model, goal, ranking)
+        if is_nearest:
             point = find_nearest(model, goal, observed, ranking.points)
             if not _are_ends_simulated((point, ranking.best), observed):
                 reasons.append(NO_RUN_AT_END_REMARK)
@@ -263,8 +268,6 @@ def give_answer(
 
     # Estimate how much too favourable the prediction is: by refits to runs that are
     # drawn again, each with a choice of its own.
-    is_nearest = NEAREST_REMARK in "; ".join(reasons)
-
     def choose_point(refitted: Kriging) -> np.ndarray:
         refitted_ranking = rank_points(
             refitted, goal, observed, _make_generator(study, data)
